@@ -1,0 +1,76 @@
+"""The rally car: mass, inertia, hull and torque limits. SI units; x forward, y left, z up.
+
+A 2006-class rally car at the rules' minimum mass. Heights are given above the ground of the
+upright car, as one would measure them on a real one; the body frame's origin is the centre of mass.
+"""
+
+import numpy as np
+
+from solver import Body
+
+MASS = 1230.0
+"""kg, the class's minimum."""
+
+INERTIA = (450.0, 1900.0, 2100.0)
+"""kg m², roll, pitch and yaw, about the centre of mass."""
+
+CENTRE_OF_MASS_HEIGHT = 0.48
+"""m above the ground, upright."""
+
+TORQUE_LIMIT = (3500.0, 3500.0, 3500.0)
+"""N m about roll, pitch and yaw. Less than it takes to lift the car over a roof edge from rest, so
+that it must be rocked; enough to keep any resting pose in motion."""
+
+FRICTION = 0.8
+"""Coulomb's μ of car on ground."""
+
+RESTITUTION = 0.0
+"""Bodywork crumples; tyres are locked and stiff."""
+
+WHEELBASE = 2.5
+WHEEL_RADIUS = 0.32
+TYRE_RADIUS = 0.08
+"""m; a tyre touches the ground with a rounded shoulder."""
+
+# name: (x, y, height above the ground, radius); every y > 0 is mirrored to the right side.
+_HALF_HULL = {
+    "tyre_front": (1.25, 0.72, 0.08, TYRE_RADIUS),
+    "tyre_rear": (-1.25, 0.72, 0.08, TYRE_RADIUS),
+    "bumper_front": (2.20, 0.75, 0.45, 0.0),
+    "bumper_rear": (-2.20, 0.75, 0.45, 0.0),
+    "arch_front": (1.25, 0.90, 0.50, 0.0),
+    "arch_rear": (-1.25, 0.90, 0.50, 0.0),
+    "shoulder_front": (1.00, 0.84, 0.80, 0.0),
+    "shoulder_rear": (-1.30, 0.84, 0.80, 0.0),
+    "bonnet": (1.75, 0.65, 0.80, 0.0),
+    "spoiler": (-1.95, 0.60, 1.15, 0.0),
+    "rail_front": (0.40, 0.58, 1.31, 0.0),
+    "rail_rear": (-1.25, 0.58, 1.31, 0.0),
+    "crown_front": (0.40, 0.0, 1.36, 0.0),
+    "crown_rear": (-1.25, 0.0, 1.36, 0.0),
+}
+
+
+def _mirrored() -> dict[str, tuple[float, float, float, float]]:
+    points = {}
+    for name, (x, y, height, radius) in _HALF_HULL.items():
+        z = height - CENTRE_OF_MASS_HEIGHT
+        if y == 0.0:
+            points[name] = (x, y, z, radius)
+        else:
+            points[name + "_left"] = (x, y, z, radius)
+            points[name + "_right"] = (x, -y, z, radius)
+    return points
+
+
+HULL = _mirrored()
+"""Name of each hull point: (x, y, z, radius) in the body frame, m. Tyres come first."""
+
+N_WHEELS = 4
+"""The first so many hull points are tyres."""
+
+
+def body() -> Body:
+    """The car as the solver sees it."""
+    points = np.array(list(HULL.values()))
+    return Body(MASS, INERTIA, points[:, :3], radius=points[:, 3])

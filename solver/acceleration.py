@@ -1,0 +1,208 @@
+"""Method "acceleration": the article as written.
+
+Each step the contact force is found from accelerations (Eq. 7; Eq. 11 when the point slides with
+friction) and the motion is stepped with it; a collision is an impulse (Eq. 8) that also puts the
+point back on the surface. Every touching point is treated by itself and the forces are added. So:
+
+- with one frictionless contact this is the article, first order in the step;
+- nothing holds the point on the surface between collisions: its gap drifts;
+- several points push too hard together, and sliding points never stick.
+
+It is here to be read, and to show where it fails.
+"""
+
+from math import sqrt, tan
+
+import numpy as np
+
+from .algebra import (
+    axpy,
+    cross,
+    dot,
+    entry,
+    jit,
+    matrix,
+    put,
+    scale,
+    times,
+    to_body,
+    to_world,
+    turned,
+    vec,
+)
+from .contact import (
+    force,
+    free_acceleration,
+    gyroscopic,
+    impulse,
+    inverse_mass,
+    normal_speed,
+    push,
+    shift,
+)
+from .model import (
+    CLOSED,
+    NOT_FINITE,
+    OK,
+    OPEN,
+    PAINLEVE,
+    TOUCH,
+    arm,
+    closing_speed,
+    gap,
+    is_finite,
+    load,
+    store,
+    unpack,
+)
+
+
+@jit
+def contact_force(body, hull, k, plane, mu, R, a_free, w_dot_free, v, w):
+    """Eq. 7 of one point, or Eq. 11 if it slides with friction, all in body axes.
+
+    Returns:
+        (f, F): the normal force, N, and the whole force, N. f is NaN where Eq. 11's denominator is
+        not positive: Painlevé's paradox, in which a force has no meaning.
+    """
+    _m, inv_m, _J, inv_J, _bound = body
+    b, q = arm(hull, k, plane, R)
+    N = to_body(R, plane[0])
+    l = free_acceleration(N, b, q, a_free, w_dot_free, w)
+    direction = N
+    if mu > 0.0:
+        u = axpy(1.0, v, cross(w, q))
+        slip = axpy(-dot(N, u), N, u)
+        speed = sqrt(dot(slip, slip))
+        if speed > TOUCH:
+            direction = axpy(-mu / speed, slip, N)
+    # N·K(N − μs); without friction the G of Eq. 6.
+    arms = times(inv_J, cross(q, direction))
+    G = inv_m * dot(N, direction) + dot(cross(q, N), arms)
+    if G <= 0.0:
+        return np.nan, scale(np.nan, N)
+    f = force(G, l)
+    return f, scale(f, direction)
+
+
+@jit
+def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
+    """Eq. 8 at every point that touches, or has sunk, and closes; each by itself, then added."""
+    _m, inv_m, _J, inv_J, _bound = body
+    R = matrix(quat)
+    N = to_body(R, plane[0])
+    v_b = to_body(R, v)
+    v1, w1 = v_b, w
+    lift = 0.0
+    turn = (0.0, 0.0, 0.0)
+    for k in range(hull.shape[0]):
+        g = gap(hull, k, plane, R, x)
+        if contacts[k, 0] == OPEN and g > TOUCH:
+            continue
+        _b, q = arm(hull, k, plane, R)
+        speed = normal_speed(N, q, v_b, w)
+        G = inverse_mass(inv_m, inv_J, N, q)
+        if every_frame and contacts[k, 0] == CLOSED:
+            p = scale(-speed / G, N)
+            v1, w1 = push(inv_m, inv_J, q, p, v1, w1)
+        elif contacts[k, 0] == OPEN:
+            if speed < -TOUCH:
+                p = scale(impulse(G, speed, e), N)
+                v1, w1 = push(inv_m, inv_J, q, p, v1, w1)
+            if g < 0.0:
+                dx, dq = shift(inv_m, inv_J, N, q, G, g)
+                lift += dx
+                turn = axpy(1.0, dq, turn)
+    v = to_world(R, v1)
+    x = axpy(lift, plane[0], x)
+    return x, turned(quat, scale(0.5, turn)), v, w1
+
+
+@jit
+def close(hull, plane, x, quat, v, w, contacts):
+    """A point that touches and is still is a closed contact: Eqs. 6-7 hold for it."""
+    R = matrix(quat)
+    for k in range(hull.shape[0]):
+        touches = abs(gap(hull, k, plane, R, x)) <= TOUCH
+        if touches and abs(closing_speed(hull, k, plane, R, v, w)) <= TOUCH:
+            contacts[k, 0] = CLOSED
+
+
+@jit
+def forces(body, hull, plane, mu, a, torque, x, quat, v, w, contacts, f):
+    """Accelerations (ẍ world, ẇ body) of Eqs. 1-3 with every closed contact's force; f is filled."""
+    _m, inv_m, J, inv_J, _bound = body
+    R = matrix(quat)
+    a_b = to_body(R, a)
+    v_b = to_body(R, v)
+    w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
+    x_ddot, w_ddot = a_b, w_dot
+    for k in range(hull.shape[0]):
+        f[k] = 0.0
+        if contacts[k, 0] == CLOSED:
+            f[k], F = contact_force(body, hull, k, plane, mu, R, a_b, w_dot, v_b, w)
+            if f[k] > 0.0:
+                _b, q = arm(hull, k, plane, R)
+                x_ddot, w_ddot = push(inv_m, inv_J, q, F, x_ddot, w_ddot)
+            elif f[k] == 0.0:
+                contacts[k, 0] = OPEN
+    return to_world(R, x_ddot), w_ddot
+
+
+@jit
+def turn_by(quat, w, h):
+    """The attitude after turning with constant w (body axes) for h seconds."""
+    speed = sqrt(dot(w, w))
+    half = 0.5 * h * speed
+    return turned(quat, scale(0.5 * h if half < 1e-9 else tan(half) / speed, w))
+
+
+@entry
+def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+    """n steps of h seconds, in place; the arguments are those of `impulse.run`.
+
+    `f` is left as the force at the end, not a mean. options[0] != 0: Eq. 8 with e = 0 every step.
+
+    Returns:
+        OK, NOT_FINITE, or PAINLEVE; then `state` is as it was before the step that failed.
+    """
+    body_, plane_ = unpack(body, plane)
+    mu, e = law[0], law[1]
+    a_ = vec(a, 0)
+    torque_ = vec(torque, 0)
+    every_frame = options[0] != 0.0
+    x, quat, v, w = load(state)
+    for _ in range(n):
+        x, quat, v, w = collide(body_, hull, plane_, e, every_frame, x, quat, v, w, contacts)
+        close(hull, plane_, x, quat, v, w, contacts)
+        x_ddot, w_ddot = forces(body_, hull, plane_, mu, a_, torque_, x, quat, v, w, contacts, f)
+        if np.isnan(f).any():
+            return PAINLEVE
+        v = axpy(h, x_ddot, v)
+        w = axpy(h, w_ddot, w)
+        x = axpy(h, v, x)
+        quat = turn_by(quat, w, h)
+        if not is_finite(x, quat, v, w):
+            return NOT_FINITE
+        store(state, x, quat, v, w)
+    close(hull, plane_, x, quat, v, w, contacts)
+    forces(body_, hull, plane_, mu, a_, torque_, x, quat, v, w, contacts.copy(), f)
+    return PAINLEVE if np.isnan(f).any() else OK
+
+
+@entry
+def quantities(body, hull, plane, law, a, torque, state, out):
+    """The article's φ, v, G, l, f, i (Eqs. 4-8) of every hull point, by itself; out is (p, 6)."""
+    body_, plane_ = unpack(body, plane)
+    _m, inv_m, J, inv_J, _bound = body_
+    x, quat, v, w = load(state)
+    R = matrix(quat)
+    N, v_b, a_b = to_body(R, plane_[0]), to_body(R, v), to_body(R, vec(a, 0))
+    w_dot = axpy(1.0, times(inv_J, vec(torque, 0)), gyroscopic(J, inv_J, w))
+    for k in range(hull.shape[0]):
+        b, q = arm(hull, k, plane_, R)
+        speed = normal_speed(N, q, v_b, w)
+        G = inverse_mass(inv_m, inv_J, N, q)
+        l = free_acceleration(N, b, q, a_b, w_dot, w)
+        f, i = force(G, l), impulse(G, speed, law[1])
+        put(out[k], 0, (gap(hull, k, plane_, R, x), speed, G, l, f, i))

@@ -1,0 +1,120 @@
+"""Vectors, quaternions and rotation matrices as tuples of scalars, for numba kernels.
+
+A vector is (a0, a1, a2); a quaternion is (w, x, y, z), body to world; a matrix is nine scalars, row
+by row. Tuples live in registers: `np.cross` and `np.dot` on 3-vectors are about thirty times slower.
+"""
+
+from functools import partial
+from math import sqrt
+
+from numba import njit
+
+# Contraction to fused multiply-add is the only liberty the compiler takes: full fastmath would delete
+# the checks for NaN, and would make the bits depend on how the code is vectorised.
+FASTMATH = {"contract"}
+jit = partial(njit, fastmath=FASTMATH, error_model="numpy")
+"""For helpers, compiled into whatever calls them."""
+entry = partial(njit, fastmath=FASTMATH, error_model="numpy", cache=True, nogil=True)
+"""For the few functions that Python calls: compiled once, then kept on disk."""
+
+
+@jit
+def dot(a, b):
+    """a · b."""
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+
+
+@jit
+def cross(a, b):
+    """a × b."""
+    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+
+
+@jit
+def add(a, b):
+    """a + b."""
+    return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
+
+
+@jit
+def axpy(s, a, b):
+    """s a + b."""
+    return (s * a[0] + b[0], s * a[1] + b[1], s * a[2] + b[2])
+
+
+@jit
+def scale(s, a):
+    """s a."""
+    return (s * a[0], s * a[1], s * a[2])
+
+
+@jit
+def times(a, b):
+    """Component by component: a diagonal matrix, held as a vector, times a vector."""
+    return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
+
+
+@jit
+def vec(array, at):
+    """Three consecutive entries of an array."""
+    return (array[at], array[at + 1], array[at + 2])
+
+
+@jit
+def six(array, at):
+    """Six consecutive entries of an array."""
+    return (array[at], array[at + 1], array[at + 2], array[at + 3], array[at + 4], array[at + 5])
+
+
+@jit
+def put(array, at, values):
+    """Store a tuple in consecutive entries of an array."""
+    for j in range(len(values)):
+        array[at + j] = values[j]
+
+
+@jit
+def matrix(quat):
+    """Rotation matrix R of a unit quaternion: world = R body."""
+    w, x, y, z = quat
+    return (
+        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
+        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
+        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+    )  # fmt: skip
+
+
+@jit
+def to_world(R, a):
+    """R a."""
+    return (
+        R[0] * a[0] + R[1] * a[1] + R[2] * a[2],
+        R[3] * a[0] + R[4] * a[1] + R[5] * a[2],
+        R[6] * a[0] + R[7] * a[1] + R[8] * a[2],
+    )
+
+
+@jit
+def to_body(R, a):
+    """Rᵀ a."""
+    return (
+        R[0] * a[0] + R[3] * a[1] + R[6] * a[2],
+        R[1] * a[0] + R[4] * a[1] + R[7] * a[2],
+        R[2] * a[0] + R[5] * a[1] + R[8] * a[2],
+    )
+
+
+@jit
+def turned(quat, e):
+    """The attitude `quat`, then turned by 2 arctan|e| about the body axis e (Cayley), renormalised.
+
+    e in body axes. The result's norm is 1 to rounding, whatever the norm of `quat` had drifted to.
+    """
+    w, x, y, z = quat
+    a, b, c = e
+    w1 = w - x * a - y * b - z * c
+    x1 = x + w * a + y * c - z * b
+    y1 = y + w * b + z * a - x * c
+    z1 = z + w * c + x * b - y * a
+    s = 1.0 / sqrt(w1 * w1 + x1 * x1 + y1 * y1 + z1 * z1)
+    return (w1 * s, x1 * s, y1 * s, z1 * s)

@@ -1,0 +1,134 @@
+"""One contact with Coulomb friction: the impulse in the cone that meets a target velocity.
+
+    Δu = K p                                                             (10)
+    sliding:  p = p_n (N − μ s),  p_n = −b_n / (N·K(N − μ s))            (11)
+
+Components are along (N, t₁, t₂), the contact's own axes.
+"""
+
+from math import sqrt
+
+from .algebra import jit
+
+MAX_NEWTON = 12
+SCAN = 32
+"""Directions tried where Newton finds no slip direction."""
+_COS, _SIN = 0.9807852804032304, 0.19509032201612825  # of a turn / SCAN
+
+
+@jit
+def inverse_symmetric(K):
+    """Inverse of the symmetric (K_nn, K_n1, K_n2, K_11, K_12, K_22), in the same order."""
+    nn, n1, n2, a, b, c = K
+    A = a * c - b * b
+    B = n2 * b - n1 * c
+    C = n1 * b - n2 * a
+    s = 1.0 / (nn * A + n1 * B + n2 * C)
+    return (A * s, B * s, C * s, (nn * c - n2 * n2) * s, (n1 * n2 - nn * b) * s,
+            (nn * a - n1 * n1) * s)  # fmt: skip
+
+
+@jit
+def _slip(K, mu, b_n, r1, r2, s1, s2):
+    """Of slip direction s: p_n (Eq. 11), the slip it leads to, along s and across, and d(across)/dθ."""
+    k_s = K[1] * s1 + K[2] * s2
+    D = K[0] - mu * k_s
+    p_n = -b_n / D
+    e1 = K[1] - mu * (K[3] * s1 + K[4] * s2)
+    e2 = K[2] - mu * (K[4] * s1 + K[5] * s2)
+    w1 = r1 + p_n * e1
+    w2 = r2 + p_n * e2
+    along = s1 * w1 + s2 * w2
+    across = s1 * w2 - s2 * w1
+    k_across = K[2] * s1 - K[1] * s2
+    e_across = s1 * e2 - s2 * e1
+    # K_tt s⊥, across: what turning s does to the friction itself.
+    tt = K[3] * s2 * s2 - 2.0 * K[4] * s1 * s2 + K[5] * s1 * s1
+    slope = -along + p_n * mu * (k_across / D * e_across - tt)
+    return D, p_n, along, across, slope
+
+
+@jit
+def _newton(K, mu, b_n, r1, r2, s1, s2):
+    """Slip direction at which slip is along itself, from a guess. (found, p_n, s1, s2)."""
+    p_n = 0.0
+    for _ in range(MAX_NEWTON):
+        D, p_n, along, across, slope = _slip(K, mu, b_n, r1, r2, s1, s2)
+        if not (D > 0.0 and slope < 0.0):
+            return False, p_n, s1, s2
+        if abs(across) <= 1e-15 * abs(along):
+            return along >= 0.0, p_n, s1, s2
+        d = min(1.0, max(-1.0, -across / slope))
+        s1, s2 = s1 - d * s2, s2 + d * s1
+        n = 1.0 / sqrt(s1 * s1 + s2 * s2)
+        s1 *= n
+        s2 *= n
+        if abs(d) < 1e-15:
+            D, p_n, along, across, slope = _slip(K, mu, b_n, r1, r2, s1, s2)
+            return along >= 0.0 and D > 0.0, p_n, s1, s2
+    return False, p_n, s1, s2
+
+
+@jit
+def cone_impulse(K, inv_K, mu, b, r):
+    """Impulse p at one contact such that u = u_free + K p meets the target, inside the friction cone.
+
+    It sticks (all three components on target) while |p_t| ≤ μ p_n. Otherwise it slides: the normal
+    component is on target and friction points against the slip s, s ∥ r + K_t p. With r = u_free's
+    tangent part plus the slip before the impulse, s is the mean of the slip before and after (second
+    order in time); with u_free's alone it is the slip after (never gains energy at e = 0).
+
+    Args:
+        K: (nn, n1, n2, 11, 12, 22), 1/kg (Eq. 10).
+        inv_K: its inverse.
+        mu: friction coefficient.
+        b: (3,) u_free − target, m/s.
+        r: (2,) what the slip direction is measured from, m/s.
+
+    Returns:
+        (p_n, p_1, p_2), N s. Zero if the contact separates by itself (b_n ≥ 0).
+    """
+    if b[0] >= 0.0:
+        return 0.0, 0.0, 0.0
+    frictionless = -b[0] / K[0]
+    if mu == 0.0:
+        return frictionless, 0.0, 0.0
+    p_n = -(inv_K[0] * b[0] + inv_K[1] * b[1] + inv_K[2] * b[2])
+    p_1 = -(inv_K[1] * b[0] + inv_K[3] * b[1] + inv_K[4] * b[2])
+    p_2 = -(inv_K[2] * b[0] + inv_K[4] * b[1] + inv_K[5] * b[2])
+    if p_n >= 0.0 and p_1 * p_1 + p_2 * p_2 <= mu * mu * p_n * p_n:
+        return p_n, p_1, p_2
+
+    r1, r2 = r
+    n = sqrt(r1 * r1 + r2 * r2)
+    if n > 0.0:
+        s1, s2 = r1 / n, r2 / n
+    else:  # it starts to slide from rest: against the impulse that would hold it
+        n = sqrt(p_1 * p_1 + p_2 * p_2)
+        if n == 0.0:
+            return frictionless, 0.0, 0.0
+        s1, s2 = -p_1 / n, -p_2 / n
+    found, p_n, s1, s2 = _newton(K, mu, b[0], r1, r2, s1, s2)
+    if not found:
+        found, p_n, s1, s2 = _scan(K, mu, b[0], r1, r2)
+    if not found:  # no slip direction is consistent: push, and leave the slip to the next sweep
+        return frictionless, 0.0, 0.0
+    return p_n, -mu * p_n * s1, -mu * p_n * s2
+
+
+@jit
+def _scan(K, mu, b_n, r1, r2):
+    """Newton from the best of many directions: slip most nearly along itself, denominator positive."""
+    best = -2.0
+    best1, best2 = 1.0, 0.0
+    s1, s2 = 1.0, 0.0
+    for _ in range(SCAN):
+        D, _p, along, across, _slope = _slip(K, mu, b_n, r1, r2, s1, s2)
+        n = sqrt(along * along + across * across)
+        if D > 0.0 and n > 0.0 and along / n > best:
+            best = along / n
+            best1, best2 = s1, s2
+        s1, s2 = _COS * s1 - _SIN * s2, _COS * s2 + _SIN * s1
+    if best == -2.0:
+        return False, 0.0, 1.0, 0.0
+    return _newton(K, mu, b_n, r1, r2, best1, best2)
