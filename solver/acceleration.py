@@ -22,8 +22,9 @@ from .algebra import (
     entry,
     jit,
     matrix,
-    put,
+    put6,
     scale,
+    stage,
     times,
     to_body,
     to_world,
@@ -50,6 +51,7 @@ from .model import (
     arm,
     closing_speed,
     gap,
+    height_over,
     is_finite,
     load,
     store,
@@ -66,8 +68,8 @@ def contact_force(body, hull, k, plane, mu, R, a_free, w_dot_free, v, w):
         not positive: Painlevé's paradox, in which a force has no meaning.
     """
     _m, inv_m, _J, inv_J, _bound = body
-    b, q = arm(hull, k, plane, R)
     N = to_body(R, plane[0])
+    b, q = arm(hull, k, N)
     l = free_acceleration(N, b, q, a_free, w_dot_free, w)
     direction = N
     if mu > 0.0:
@@ -85,7 +87,7 @@ def contact_force(body, hull, k, plane, mu, R, a_free, w_dot_free, v, w):
     return f, scale(f, direction)
 
 
-@jit
+@stage
 def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
     """Eq. 8 at every point that touches, or has sunk, and closes; each by itself, then added."""
     _m, inv_m, _J, inv_J, _bound = body
@@ -96,10 +98,10 @@ def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
     lift = 0.0
     turn = (0.0, 0.0, 0.0)
     for k in range(hull.shape[0]):
-        g = gap(hull, k, plane, R, x)
+        g = gap(hull, k, N, height_over(plane, x))
         if contacts[k, 0] == OPEN and g > TOUCH:
             continue
-        _b, q = arm(hull, k, plane, R)
+        _b, q = arm(hull, k, N)
         speed = normal_speed(N, q, v_b, w)
         G = inverse_mass(inv_m, inv_J, N, q)
         if every_frame and contacts[k, 0] == CLOSED:
@@ -122,18 +124,19 @@ def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
 def close(hull, plane, x, quat, v, w, contacts):
     """A point that touches and is still is a closed contact: Eqs. 6-7 hold for it."""
     R = matrix(quat)
+    N = to_body(R, plane[0])
     for k in range(hull.shape[0]):
-        touches = abs(gap(hull, k, plane, R, x)) <= TOUCH
+        touches = abs(gap(hull, k, N, height_over(plane, x))) <= TOUCH
         if touches and abs(closing_speed(hull, k, plane, R, v, w)) <= TOUCH:
             contacts[k, 0] = CLOSED
 
 
-@jit
+@stage
 def forces(body, hull, plane, mu, a, torque, x, quat, v, w, contacts, f):
     """Accelerations (ẍ world, ẇ body) of Eqs. 1-3 with every closed contact's force; f is filled."""
     _m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
-    a_b = to_body(R, a)
+    N, a_b = to_body(R, plane[0]), to_body(R, a)
     v_b = to_body(R, v)
     w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
     x_ddot, w_ddot = a_b, w_dot
@@ -142,7 +145,7 @@ def forces(body, hull, plane, mu, a, torque, x, quat, v, w, contacts, f):
         if contacts[k, 0] == CLOSED:
             f[k], F = contact_force(body, hull, k, plane, mu, R, a_b, w_dot, v_b, w)
             if f[k] > 0.0:
-                _b, q = arm(hull, k, plane, R)
+                _b, q = arm(hull, k, N)
                 x_ddot, w_ddot = push(inv_m, inv_J, q, F, x_ddot, w_ddot)
             elif f[k] == 0.0:
                 contacts[k, 0] = OPEN
@@ -200,9 +203,9 @@ def quantities(body, hull, plane, law, a, torque, state, out):
     N, v_b, a_b = to_body(R, plane_[0]), to_body(R, v), to_body(R, vec(a, 0))
     w_dot = axpy(1.0, times(inv_J, vec(torque, 0)), gyroscopic(J, inv_J, w))
     for k in range(hull.shape[0]):
-        b, q = arm(hull, k, plane_, R)
+        b, q = arm(hull, k, N)
         speed = normal_speed(N, q, v_b, w)
         G = inverse_mass(inv_m, inv_J, N, q)
         l = free_acceleration(N, b, q, a_b, w_dot, w)
         f, i = force(G, l), impulse(G, speed, law[1])
-        put(out[k], 0, (gap(hull, k, plane_, R, x), speed, G, l, f, i))
+        put6(out, k, 0, (gap(hull, k, N, height_over(plane_, x)), speed, G, l, f, i))

@@ -8,12 +8,17 @@ from functools import partial
 from math import sqrt
 
 from numba import njit
+from numba.core import cgutils, config
+from numba.extending import intrinsic
 
 # Contraction to fused multiply-add is the only liberty the compiler takes: full fastmath would delete
 # the checks for NaN, and would make the bits depend on how the code is vectorised.
 FASTMATH = {"contract"}
-jit = partial(njit, fastmath=FASTMATH, error_model="numpy")
-"""For helpers, compiled into whatever calls them."""
+jit = partial(njit, fastmath=FASTMATH, error_model="numpy", forceinline=True)
+"""For small helpers: they dissolve in their caller. Left to itself the compiler calls most of them,
+passing each array as nine arguments, which costs more than what they do."""
+stage = partial(njit, fastmath=FASTMATH, error_model="numpy")
+"""For the stages of a step: called, not copied, which keeps compiling quick."""
 entry = partial(njit, fastmath=FASTMATH, error_model="numpy", cache=True, nogil=True)
 """For the few functions that Python calls: compiled once, then kept on disk."""
 
@@ -54,23 +59,80 @@ def times(a, b):
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
+# Arrays are read by index, never through views: a view costs two atomic reference counts.
 @jit
 def vec(array, at):
-    """Three consecutive entries of an array."""
+    """Three consecutive entries of a 1-D array."""
     return (array[at], array[at + 1], array[at + 2])
 
 
+if config.DISABLE_JIT:
+
+    def borrowed(array):
+        """The array itself."""
+        return array
+else:
+
+    @intrinsic
+    def borrowed(typingctx, array):
+        """The array without its reference count, for as long as the caller holds it.
+
+        Otherwise every call of a stage counts every array up and down, by locked instructions that
+        cost as much as a contact.
+        """
+
+        def codegen(context, builder, signature, args):
+            view = context.make_array(signature.args[0])(context, builder, value=args[0])
+            view.meminfo = cgutils.get_null_value(view.meminfo.type)
+            return view._getvalue()
+
+        return array(array), codegen
+
+
+# A tuple is never indexed by a loop variable: that is a chain of branches, not a load.
 @jit
-def six(array, at):
-    """Six consecutive entries of an array."""
-    return (array[at], array[at + 1], array[at + 2], array[at + 3], array[at + 4], array[at + 5])
+def put(array, at, a):
+    """Store a vector in three consecutive entries of a 1-D array."""
+    array[at] = a[0]
+    array[at + 1] = a[1]
+    array[at + 2] = a[2]
 
 
 @jit
-def put(array, at, values):
-    """Store a tuple in consecutive entries of an array."""
-    for j in range(len(values)):
-        array[at + j] = values[j]
+def put_quat(array, at, quat):
+    """Store a quaternion in four consecutive entries of a 1-D array."""
+    put(array, at, (quat[0], quat[1], quat[2]))
+    array[at + 3] = quat[3]
+
+
+@jit
+def vec2(array, k, at):
+    """Three consecutive entries of row k of a 2-D array."""
+    return (array[k, at], array[k, at + 1], array[k, at + 2])
+
+
+@jit
+def six2(array, k, at):
+    """Six consecutive entries of row k of a 2-D array."""
+    return (
+        array[k, at], array[k, at + 1], array[k, at + 2],
+        array[k, at + 3], array[k, at + 4], array[k, at + 5],
+    )  # fmt: skip
+
+
+@jit
+def put2(array, k, at, a):
+    """Store a vector in three consecutive entries of row k of a 2-D array."""
+    array[k, at] = a[0]
+    array[k, at + 1] = a[1]
+    array[k, at + 2] = a[2]
+
+
+@jit
+def put6(array, k, at, a):
+    """Store six numbers in consecutive entries of row k of a 2-D array."""
+    put2(array, k, at, (a[0], a[1], a[2]))
+    put2(array, k, at + 3, (a[3], a[4], a[5]))
 
 
 @jit

@@ -8,7 +8,7 @@ Components are along (N, t₁, t₂), the contact's own axes.
 
 from math import sqrt
 
-from .algebra import jit
+from .algebra import jit, stage
 
 MAX_NEWTON = 12
 SCAN = 32
@@ -48,7 +48,7 @@ def _slip(K, mu, b_n, r1, r2, s1, s2):
     return D, p_n, along, across, slope
 
 
-@jit
+@stage
 def _newton(K, mu, b_n, r1, r2, s1, s2):
     """Slip direction at which slip is along itself, from a guess. (found, p_n, s1, s2)."""
     p_n = 0.0
@@ -116,7 +116,7 @@ def cone_impulse(K, inv_K, mu, b, r):
     return p_n, -mu * p_n * s1, -mu * p_n * s2
 
 
-@jit
+@stage
 def _scan(K, mu, b_n, r1, r2):
     """Newton from the best of many directions: slip most nearly along itself, denominator positive."""
     best = -2.0

@@ -13,22 +13,27 @@ that lets the *end* of the step meet the constraint: Eq. 5's c, at velocity leve
 along the mean slip, make sustained contact second order for a few multiplications.
 """
 
+from math import sqrt
+
 import numpy as np
 
 from .algebra import (
     add,
     axpy,
+    borrowed,
     dot,
     entry,
     jit,
     matrix,
-    put,
+    put2,
     scale,
+    stage,
     times,
     to_body,
     to_world,
     turned,
     vec,
+    vec2,
 )
 from .contact import centripetal, gyroscopic, inverse_mass, shift
 from .flight import spin
@@ -43,20 +48,25 @@ from .model import (
     arm,
     closing_speed,
     gap,
+    height_over,
     is_finite,
     load,
     store,
     unpack,
 )
 from .sweep import (
-    P,
     POINT,
     SLIP,
+    STILL,
+    STRIKE_SWEEPS,
     TARGET,
     WIDTH,
+    P,
     agree,
     apply,
     fill,
+    holds,
+    stick,
     strike,
     velocity,
     world_impulse,
@@ -69,6 +79,19 @@ slower, a contact stays closed. Otherwise a ball would bounce for ever within on
 MAX_IMPACTS = 3
 """A step. What is left of it then goes by one plastic step."""
 
+ON_CONE = 0.999
+"""A force that fills so much of its cone slides; then sweeping is quicker than trying to stick."""
+
+SWEEPS = 20
+AGREED = 1e-5
+"""Of g h: how well the sweeps of sustained contacts agree. What is left is taken up by the next
+step, which starts from this one's forces."""
+
+WHOLE = 0.25
+"""Of a step: a shorter piece leaves the warm start alone, its forces say little about the next."""
+
+NOTHING = (0.0, 0.0, 0.0)
+
 MAX_LOCATE = 40
 MAX_ROUNDS = 4
 MAX_PROJECT = 20
@@ -80,6 +103,24 @@ def drift(body, x, quat, v, w, h):
     """Straight flight and free spin for h seconds."""
     quat, w = spin(body[2], body[3], quat, w, h)
     return axpy(h, v, x), quat, w
+
+
+@jit
+def frame_in_body(plane, R):
+    """(N, t1, t2) in body axes."""
+    return to_body(R, plane[0]), to_body(R, plane[1]), to_body(R, plane[2])
+
+
+@jit
+def prepare(body, hull, plane, mu, frame_b, k, v, w, rows, c):
+    """Fill row c for hull point k, with the slip before any impulse. Returns (u, b, q)."""
+    frame = (plane[0], plane[1], plane[2])
+    b, q = arm(hull, k, frame_b[0])
+    fill(rows, c, k, body[1], body[3], mu, frame, frame_b, q)
+    u = velocity(rows, c, mu, v, w)
+    rows[c, SLIP] = u[1]
+    rows[c, SLIP + 1] = u[2]
+    return u, b, q
 
 
 @jit
@@ -97,153 +138,190 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
     half = 0.5 * h
     x, quat, w = drift(body, x, quat, v, w, half)
     R = matrix(quat)
-    N, t1, t2, _d = plane
+    frame_b = frame_in_body(plane, R)
 
     n = 0
+    slides = mu == 0.0
     for k in range(hull.shape[0]):
         if contacts[k, 0] != OPEN:
-            row = rows[n]
-            b, q = arm(hull, k, plane, R)
-            fill(row, k, inv_m, inv_J, mu, R, N, t1, t2, q)
-            u = velocity(row, mu, v, w)
-            row[SLIP] = u[1]
-            row[SLIP + 1] = u[2]
+            prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
+            F = vec2(contacts, k, 1)
+            if F[1] * F[1] + F[2] * F[2] >= ON_CONE * (mu * F[0]) ** 2 and F[0] > 0.0:
+                slides = True
             n += 1
 
-    v = axpy(h, a, v)
-    w = axpy(h, times(inv_J, torque), w)
-    for c in range(n):
-        row = rows[c]
-        contact = contacts[int(row[POINT])]
-        p = scale(h, vec(contact, 1))
-        put(row, P, p)
-        v, w = apply(row, inv_m, mu, p, v, w)
+    v0 = axpy(h, a, v)
+    w0 = axpy(h, times(inv_J, torque), w)
+    v1, w1 = v0, w0
+    if n > 0:
+        # first guess: the last step's forces; the targets need the spin that comes out
+        for c in range(n):
+            p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
+            put2(rows, c, P, p)
+            v1, w1 = apply(rows, c, inv_m, mu, p, v1, w1)
+        w_dot = gyroscopic(J, inv_J, w1)
+        for c in range(n):
+            k = int(rows[c, POINT])
+            if contacts[k, 0] == CLOSED:
+                b, q = arm(hull, k, frame_b[0])
+                aim = scale(-half, centripetal(w1, w_dot, b, q))
+                rows[c, TARGET] = dot(frame_b[0], aim)
+                rows[c, TARGET + 1] = dot(frame_b[1], aim)
+                rows[c, TARGET + 2] = dot(frame_b[2], aim)
+            else:
+                g = gap(hull, k, frame_b[0], height_over(plane, x))
+                put2(rows, c, TARGET, (-max(0.0, g) / half, 0.0, 0.0))
+        done = not slides and holds(rows, n, mu, v1, w1)
+        if n > 1 and not slides and not done:
+            done, v1, w1 = stick(rows, n, m, J, mu, R, frame_b, v0, w0)
+            if not done:
+                v1, w1 = v0, w0
+                for c in range(n):
+                    p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
+                    put2(rows, c, P, p)
+                    v1, w1 = apply(rows, c, inv_m, mu, p, v1, w1)
+        if not done:
+            scale_v = h * sqrt(dot(a, a))
+            v1, w1, change = agree(
+                rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, max(STILL, AGREED * scale_v)
+            )
+            if change > scale_v:  # the first guess was worse than none
+                for c in range(n):
+                    put2(rows, c, P, (0.0, 0.0, 0.0))
+                v1, w1, change = agree(
+                    rows, n, inv_m, mu, 1.0, v0, w0, STRIKE_SWEEPS, max(STILL, AGREED * scale_v)
+                )
 
-    w_dot = gyroscopic(J, inv_J, w)
-    for c in range(n):
-        row = rows[c]
-        k = int(row[POINT])
-        if contacts[k, 0] == CLOSED:
-            b, q = arm(hull, k, plane, R)
-            c_b = scale(-half, centripetal(w, w_dot, b, q))
-            row[TARGET] = dot(to_body(R, N), c_b)
-            if mu > 0.0:
-                row[TARGET + 1] = dot(to_body(R, t1), c_b)
-                row[TARGET + 2] = dot(to_body(R, t2), c_b)
-        else:
-            put(row, TARGET, (-max(0.0, gap(hull, k, plane, R, x)) / half, 0.0, 0.0))
-    v, w = agree(rows, n, inv_m, mu, 1.0, v, w)
+    x, quat, w1 = drift(body, x, quat, v1, w1, half)
+    return x, quat, v1, w1, n
 
-    x, quat, w = drift(body, x, quat, v, w, half)
-    return x, quat, v, w, n
+
+# The same, called rather than copied where speed matters less.
+trial = stage(advance.py_func if hasattr(advance, "py_func") else advance)
 
 
 @jit
-def lowest_open(hull, plane, R, x, contacts):
-    """Index and gap of the open point that is deepest; (-1, 0) if none is open."""
-    deepest, at = 0.0, -1
+def lowest_open(hull, plane, quat, x, contacts):
+    """Index and gap of the OPEN point that is deepest; (-1, inf) if none is open."""
+    N_b = to_body(matrix(quat), plane[0])
+    height = height_over(plane, x)
+    deepest, at = np.inf, -1
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN:
-            g = gap(hull, k, plane, R, x)
-            if at < 0 or g < deepest:
-                deepest, at = g, k
+        g = gap(hull, k, N_b, height)
+        if g < deepest and contacts[k, 0] == OPEN:
+            deepest, at = g, k
     return at, deepest
 
 
-@jit
+@stage
 def collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
     Points that touch and do not leave are closed afterwards.
     """
-    m, inv_m, J, inv_J, _bound = body
+    m, inv_m, J, _inv_J, _bound = body
     mu, e = law
-    R = matrix(quat)
-    N, t1, t2, _d = plane
+    frame_b = frame_in_body(plane, matrix(quat))
+    height = height_over(plane, x)
+    arrives = False
+    for k in range(hull.shape[0]):
+        if contacts[k, 0] == OPEN and abs(gap(hull, k, frame_b[0], height)) <= TOUCH:
+            arrives = True
+    if not arrives:
+        return v, w
+
     n = 0
     struck = False
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] == CLOSED
-        if closed or abs(gap(hull, k, plane, R, x)) <= TOUCH:
-            row = rows[n]
-            _b, q = arm(hull, k, plane, R)
-            fill(row, k, inv_m, inv_J, mu, R, N, t1, t2, q)
-            u = velocity(row, mu, v, w)
-            row[SLIP] = u[1]
-            row[SLIP + 1] = u[2]
-            put(row, TARGET, (0.0, 0.0, 0.0))
+        if closed or abs(gap(hull, k, frame_b[0], height)) <= TOUCH:
+            u, _b, _q = prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
+            put2(rows, n, TARGET, (0.0, 0.0, 0.0))
             if not closed:
                 if u[0] < -TOUCH:
                     struck = True
                 if u[0] < -slow:
-                    row[TARGET] = -e * u[0]
+                    rows[n, TARGET] = -e * u[0]
             n += 1
-    if n == 0:
-        return v, w
     if struck:
         v, w = strike(rows, n, m, inv_m, J, mu, v, w)
     for c in range(n):
-        row = rows[c]
-        k = int(row[POINT])
+        k = int(rows[c, POINT])
         if struck:
-            add_to(push[k], world_impulse(row, mu))
-        if contacts[k, 0] != CLOSED and velocity(row, mu, v, w)[0] <= max(TOUCH, slow):
-            put(contacts[k], 0, (CLOSED, 0.0, 0.0, 0.0))
+            add_to(push, k, world_impulse(rows, c, mu))
+        if contacts[k, 0] != CLOSED and velocity(rows, c, mu, v, w)[0] <= max(TOUCH, slow):
+            remember(contacts, k, CLOSED, NOTHING)
     return v, w
 
 
 @jit
-def add_to(array, values):
-    """Add a vector to three entries of an array."""
-    for j in range(3):
-        array[j] += values[j]
+def remember(contacts, k, state, F):
+    """Hull point k's state and force."""
+    contacts[k, 0] = state
+    put2(contacts, k, 1, F)
 
 
 @jit
-def commit(rows, n, mu, contacts, push, h):
-    """Keep a trial's impulses: for the warm start, the record, and which contacts stay closed."""
+def add_to(array, k, a):
+    """Add a vector to row k of an array."""
+    put2(array, k, 0, add(a, vec2(array, k, 0)))
+
+
+@jit
+def commit(rows, n, mu, contacts, push, h, whole):
+    """Keep a trial's impulses: for the record, which contacts stay closed, and the warm start.
+
+    Returns:
+        True if a contact opened.
+    """
+    opened = False
     for c in range(n):
-        row = rows[c]
-        contact = contacts[int(row[POINT])]
-        add_to(push[int(row[POINT])], world_impulse(row, mu))
-        if contact[0] == CLOSED and row[P] > 0.0:
-            put(contact, 1, scale(1.0 / h, vec(row, P)))
+        k = int(rows[c, POINT])
+        add_to(push, k, world_impulse(rows, c, mu))
+        if contacts[k, 0] == CLOSED and rows[c, P] > 0.0:
+            if h >= WHOLE * whole:
+                put2(contacts, k, 1, scale(1.0 / h, vec2(rows, c, P)))
         else:
-            put(contact, 0, (OPEN, 0.0, 0.0, 0.0))
+            remember(contacts, k, OPEN, NOTHING)
+            opened = True
+    return opened
 
 
 @jit
-def project(body, hull, plane, x, quat, w, contacts):
-    """Positions alone: closed points onto the surface, open ones out of it, along M⁻¹Wᵀ.
+def project(body, hull, plane, x, quat, w, contacts, rows, n):
+    """Positions alone, along M⁻¹Wᵀ: the first n rows' points onto the surface, or out of it.
 
-    Newton to rounding. The world's angular momentum stays, so w turns with the body.
+    A CLOSED point goes onto the surface from either side, any other only out of it. Newton to
+    rounding. The world's angular momentum stays, so w turns with the body.
     """
     _m, inv_m, J, inv_J, _bound = body
     N = plane[0]
     R = matrix(quat)
-    L = to_world(R, times(J, w))
+    R0 = R
+    N_b = to_body(R, N)
     moved = False
     for _ in range(MAX_PROJECT):
         worst = 0.0
-        for k in range(hull.shape[0]):
-            g = gap(hull, k, plane, R, x)
+        for c in range(n):
+            k = int(rows[c, POINT])
+            g = gap(hull, k, N_b, height_over(plane, x))
             if abs(g) > GAP_TOLERANCE and (g < 0.0 or contacts[k, 0] == CLOSED):
                 worst = max(worst, abs(g))
-                _b, q = arm(hull, k, plane, R)
-                N_b = to_body(R, N)
+                _b, q = arm(hull, k, N_b)
                 lift, turn = shift(inv_m, inv_J, N_b, q, inverse_mass(inv_m, inv_J, N_b, q), g)
                 x = axpy(lift, N, x)
                 quat = turned(quat, scale(0.5, turn))
                 R = matrix(quat)
+                N_b = to_body(R, N)
                 moved = True
         if worst <= GAP_TOLERANCE:
             break
     if moved:
-        w = times(inv_J, to_body(R, L))
+        w = times(inv_J, to_body(R, to_world(R0, times(J, w))))
     return x, quat, w
 
 
-@jit
+@stage
 def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, depth, k):
     """Time of the first touch within (0, h]: Newton on the step map, from the right, in a bracket.
 
@@ -257,7 +335,7 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
     """
     lo, hi = 0.0, h
     t = h
-    x1, quat1, v1, w1, n = advance(
+    x1, quat1, v1, w1, n = trial(
         body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t
     )
     for _ in range(MAX_LOCATE):
@@ -268,10 +346,10 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
         if t_next == lo or t_next == hi:
             break
         t = t_next
-        x1, quat1, v1, w1, n = advance(
+        x1, quat1, v1, w1, n = trial(
             body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t
         )
-        k, depth = lowest_open(hull, plane, matrix(quat1), x1, contacts)
+        k, depth = lowest_open(hull, plane, quat1, x1, contacts)
         if abs(depth) <= 0.01 * TOUCH:
             break
         if depth < 0.0:
@@ -281,8 +359,37 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
     return t, x1, quat1, v1, w1, n
 
 
+@stage
+def plastic(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h):
+    """A step in which every open point that would end below is kept from it, newcomers added."""
+    x1, quat1, v1, w1, n = x, quat, v, w, 0
+    for _ in range(MAX_ROUNDS):
+        x1, quat1, v1, w1, n = trial(
+            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h
+        )
+        N_b = to_body(matrix(quat1), plane[0])
+        height = height_over(plane, x1)
+        added = False
+        for k in range(hull.shape[0]):
+            if contacts[k, 0] == OPEN and gap(hull, k, N_b, height) < -TOUCH:
+                remember(contacts, k, LATE, NOTHING)
+                added = True
+        if not added:
+            break
+    return x1, quat1, v1, w1, n
+
+
 @jit
-def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h):
+def reach(bound, v, w, h):
+    """More than any hull point can move in h seconds of drift, m.
+
+    Free spin changes |w| by less than the allowance as long as a step turns by less than MAX_TURN.
+    """
+    return h * (sqrt(dot(v, v)) + 1.25 * bound * sqrt(dot(w, w)))
+
+
+@jit
+def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """One step of h seconds. `contacts` and `push` (impulses in world axes, summed) are updated.
 
     Args:
@@ -300,13 +407,14 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         rows: (p, WIDTH) scratch.
         push: (p, 3) N s.
         h: s.
+        clear: no OPEN point is closer to the surface than this, m; 0 if not known. It spares looking
+            at points that cannot have come down yet, and never changes the result.
 
     Returns:
-        (x, quat, v, w).
+        (x, quat, v, w, clear).
     """
     N, _t1, _t2, d = plane
     bound = body[4]
-    free = torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0
 
     # Too high for any contact, at the start and at the end: nothing but flight.
     height = dot(N, x) - d
@@ -314,59 +422,46 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
     if height > bound and height + fall > bound:
         for k in range(hull.shape[0]):
             contacts[k, 0] = OPEN
-        if free:
+        if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
             x, quat, w = drift(body, axpy(0.5 * h * h, a, x), quat, v, w, h)
-            return x, quat, axpy(h, a, v), w
+            return x, quat, axpy(h, a, v), w, 0.0
         x, quat, v, w, _n = advance(
             body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h
         )
-        return x, quat, v, w
+        return x, quat, v, w, 0.0
 
     mu = law[0]
     slow = SLOW * abs(dot(N, a)) * h
     rest = h
     for impact in range(MAX_IMPACTS + 1):
-        v, w = collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push)
+        if clear <= TOUCH:
+            v, w = collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push)
         x1, quat1, v1, w1, n = advance(
             body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
         )
-        k, depth = lowest_open(hull, plane, matrix(quat1), x1, contacts)
         t = rest
-        if k >= 0 and depth < -TOUCH:
-            if impact < MAX_IMPACTS:
-                t, x1, quat1, v1, w1, n = locate(
-                    body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest, depth, k
-                )
-            else:
-                x1, quat1, v1, w1, n = plastic(
-                    body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
-                )
-        commit(rows, n, mu, contacts, push, t)
-        quat, v = quat1, v1
-        x, quat, w = project(body, hull, plane, x1, quat1, w1, contacts)
+        clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
+        if clear <= TOUCH:
+            k, clear = lowest_open(hull, plane, quat1, x1, contacts)
+            if clear < -TOUCH:
+                if impact < MAX_IMPACTS:
+                    t, x1, quat1, v1, w1, n = locate(
+                        body, hull, plane, law, a, torque,
+                        x, quat, v, w, contacts, rows, rest, clear, k,
+                    )  # fmt: skip
+                else:
+                    x1, quat1, v1, w1, n = plastic(
+                        body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
+                    )
+                clear = 0.0
+        if commit(rows, n, mu, contacts, push, t, h):
+            clear = 0.0
+        v = v1
+        x, quat, w = project(body, hull, plane, x1, quat1, w1, contacts, rows, n)
         rest -= t
         if rest <= 0.0:
             break
-    return x, quat, v, w
-
-
-@jit
-def plastic(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h):
-    """A step in which every open point that would end below is kept from it, newcomers added."""
-    x1, quat1, v1, w1, n = x, quat, v, w, 0
-    for _ in range(MAX_ROUNDS):
-        x1, quat1, v1, w1, n = advance(
-            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h
-        )
-        R = matrix(quat1)
-        added = False
-        for k in range(hull.shape[0]):
-            if contacts[k, 0] == OPEN and gap(hull, k, plane, R, x1) < -TOUCH:
-                put(contacts[k], 0, (LATE, 0.0, 0.0, 0.0))
-                added = True
-        if not added:
-            break
-    return x1, quat1, v1, w1, n
+    return x, quat, v, w, clear
 
 
 @entry
@@ -394,20 +489,23 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     law_ = (law[0], law[1])
     a_ = vec(a, 0)
     torque_ = vec(torque, 0)
-    rows = np.zeros((hull.shape[0], WIDTH))
-    push = np.zeros((hull.shape[0], 3))
-    f[:] = 0.0
+    scratch = np.zeros((hull.shape[0], WIDTH))
+    pushes = np.zeros((hull.shape[0], 3))
+    rows, push = borrowed(scratch), borrowed(pushes)
+    points, memory = borrowed(hull), borrowed(contacts)
     x, quat, v, w = load(state)
+    f[:] = 0.0
+    clear = 0.0
     for _ in range(n):
-        x, quat, v, w = step(
-            body_, hull, plane_, law_, a_, torque_, x, quat, v, w, contacts, rows, push, h
+        x, quat, v, w, clear = step(
+            body_, points, plane_, law_, a_, torque_, x, quat, v, w, memory, rows, push, h, clear
         )
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         store(state, x, quat, v, w)
     for k in range(hull.shape[0]):
         if n > 0:
-            f[k] = dot(plane_[0], vec(push[k], 0)) / (n * h)
+            f[k] = dot(plane_[0], vec2(pushes, k, 0)) / (n * h)
     return OK
 
 
@@ -416,6 +514,10 @@ def push_out(body, hull, plane, law, state):
     """Positions alone: a shallow overlap out of the ground, before a run, in place."""
     body_, plane_ = unpack(body, plane)
     x, quat, v, w = load(state)
-    memory = np.zeros((hull.shape[0], MEMORY))
-    x, quat, w = project(body_, hull, plane_, x, quat, w, memory)
+    points = hull.shape[0]
+    rows = np.zeros((points, WIDTH))
+    for k in range(points):
+        rows[k, POINT] = k
+    open_all = np.zeros((points, MEMORY))
+    x, quat, w = project(body_, hull, plane_, x, quat, w, open_all, rows, points)
     store(state, x, quat, v, w)

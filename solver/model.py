@@ -5,7 +5,7 @@ the hull as a (p, 4) array of points in those axes and their radii; the ground a
 plane N·r = d with its tangents; and the motion as x, quat, v in world and w in principal axes.
 """
 
-from .algebra import axpy, dot, jit, put, to_body, vec
+from .algebra import axpy, dot, jit, put, put_quat, to_body, vec, vec2
 from .contact import normal_speed
 
 TOUCH = 1e-9
@@ -41,36 +41,47 @@ def load(state):
 def store(state, x, quat, v, w):
     """The inverse of `load`."""
     put(state, 0, x)
-    put(state, 3, quat)
+    put_quat(state, 3, quat)
     put(state, 7, v)
     put(state, 10, w)
 
 
 @jit
-def gap(hull, k, plane, R, x):
-    """φ of hull point k: signed distance from the surface, its radius subtracted (Eq. 4), m."""
-    N, _t1, _t2, d = plane
-    return dot(to_body(R, N), vec(hull[k], 0)) + dot(N, x) - d - hull[k, 3]
+def gap(hull, k, N_b, height):
+    """φ of hull point k: signed distance from the surface, its radius subtracted (Eq. 4), m.
+
+    Args:
+        hull: (p, 4).
+        k: which point.
+        N_b: the normal in body axes.
+        height: of the centre of mass above the plane, m.
+    """
+    return dot(N_b, vec2(hull, k, 0)) + height - hull[k, 3]
 
 
 @jit
-def arm(hull, k, plane, R):
+def height_over(plane, x):
+    """Distance of the centre of mass above the plane, m."""
+    return dot(plane[0], x) - plane[3]
+
+
+@jit
+def arm(hull, k, N_b):
     """(b, q): from x to the hull point and to its contact point r1, body axes, m."""
-    b = vec(hull[k], 0)
-    return b, axpy(-hull[k, 3], to_body(R, plane[0]), b)
+    b = vec2(hull, k, 0)
+    return b, axpy(-hull[k, 3], N_b, b)
 
 
 @jit
 def closing_speed(hull, k, plane, R, v, w):
     """Eq. 8's v of hull point k, m/s."""
-    _b, q = arm(hull, k, plane, R)
-    return normal_speed(to_body(R, plane[0]), q, to_body(R, v), w)
+    N_b = to_body(R, plane[0])
+    _b, q = arm(hull, k, N_b)
+    return normal_speed(N_b, q, to_body(R, v), w)
 
 
 @jit
 def is_finite(x, quat, v, w):
     """False if any entry is NaN or infinite."""
-    s = 0.0
-    for j in range(3):
-        s += 0.0 * x[j] + 0.0 * v[j] + 0.0 * w[j] + 0.0 * quat[j]
-    return s + 0.0 * quat[3] == 0.0
+    s = (x[0] + x[1] + x[2]) + (v[0] + v[1] + v[2]) + (w[0] + w[1] + w[2])
+    return 0.0 * (s + (quat[0] + quat[1] + quat[2] + quat[3])) == 0.0

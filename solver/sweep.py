@@ -7,7 +7,21 @@ numbers here; the solver owns one array of rows and fills the first so many.
 
 from math import sqrt
 
-from .algebra import add, axpy, cross, dot, jit, put, scale, six, times, to_body, vec
+from .algebra import (
+    add,
+    axpy,
+    cross,
+    dot,
+    jit,
+    put2,
+    put6,
+    scale,
+    six2,
+    stage,
+    times,
+    to_world,
+    vec2,
+)
 from .friction import cone_impulse, inverse_symmetric
 
 # Columns of a row. Contact axes are (N, t1, t2); directions are stored in world and in body axes.
@@ -20,91 +34,215 @@ INV_K = 34
 TARGET = 40  # velocity asked for, m/s
 SLIP = 43  # tangential velocity before the impulse, m/s
 P = 45  # impulse, N s
-WIDTH = 48
+Q = 48  # from x to the contact point, body axes, m
+R_ = 51  # residual velocity, m/s
+WIDTH = 54
 
-MAX_SWEEPS = 60
-TOLERANCE = 1e-10
-"""m/s: the sweeps agree when none changes a contact's velocity by more."""
+STRIKE_SWEEPS = 60
+STRIKE_TOLERANCE = 1e-8
+"""m/s: the sweeps of an impact agree when none changes a contact's velocity by more."""
+
+STILL = 1e-12
+"""m/s: contacts this near their targets are left as they are."""
+
+EPSILON = 1e-5
+"""Of the body's mass: how much `least_norm` leans on it. Small, so that a pass all but ends the
+residual; not so small that the impulses, found as a difference over it, lose their digits."""
+
+MAX_PASSES = 3
+RESIDUAL = 1e-6
+"""m/s: a pass that begins with less ends at rounding."""
 
 
 @jit
-def fill(row, point, inv_m, inv_J, mu, R, N, t1, t2, q):
+def fill(rows, c, point, inv_m, inv_J, mu, frame, frame_b, q):
     """Prepare one contact: its axes, arms and Eq. 10's matrix.
 
     Args:
-        row: (WIDTH,) to fill.
+        rows: (p, WIDTH).
+        c: which row to fill.
         point: index of the hull point.
         inv_m: 1/m.
         inv_J: inverse principal moments.
         mu: friction coefficient; with 0 the tangents are left out.
-        R: attitude as a matrix.
-        N: normal, world axes; with t1 and t2 a right-handed frame.
-        t1: first tangent.
-        t2: second tangent.
+        frame: (N, t1, t2), right-handed, world axes.
+        frame_b: the same in body axes.
         q: from x to the contact point, body axes.
     """
-    row[POINT] = point
-    put(row, AXES, N)
-    a = cross(q, to_body(R, N))
+    rows[c, POINT] = point
+    put2(rows, c, Q, q)
+    put2(rows, c, AXES, frame[0])
+    a = cross(q, frame_b[0])
     Ja = times(inv_J, a)
-    put(row, ARM, a)
-    put(row, TURN, Ja)
-    row[K] = inv_m + dot(a, Ja)
+    put2(rows, c, ARM, a)
+    put2(rows, c, TURN, Ja)
+    nn = inv_m + dot(a, Ja)
+    rows[c, K] = nn
     if mu > 0.0:
-        put(row, AXES + 3, t1)
-        put(row, AXES + 6, t2)
-        a1 = cross(q, to_body(R, t1))
-        a2 = cross(q, to_body(R, t2))
+        put2(rows, c, AXES + 3, frame[1])
+        put2(rows, c, AXES + 6, frame[2])
+        a1 = cross(q, frame_b[1])
+        a2 = cross(q, frame_b[2])
         Ja1 = times(inv_J, a1)
         Ja2 = times(inv_J, a2)
-        put(row, ARM + 3, a1)
-        put(row, ARM + 6, a2)
-        put(row, TURN + 3, Ja1)
-        put(row, TURN + 6, Ja2)
-        row[K + 1] = dot(a, Ja1)
-        row[K + 2] = dot(a, Ja2)
-        row[K + 3] = inv_m + dot(a1, Ja1)
-        row[K + 4] = dot(a1, Ja2)
-        row[K + 5] = inv_m + dot(a2, Ja2)
-        put(row, INV_K, inverse_symmetric(six(row, K)))
+        put2(rows, c, ARM + 3, a1)
+        put2(rows, c, ARM + 6, a2)
+        put2(rows, c, TURN + 3, Ja1)
+        put2(rows, c, TURN + 6, Ja2)
+        k = (nn, dot(a, Ja1), dot(a, Ja2), inv_m + dot(a1, Ja1), dot(a1, Ja2), inv_m + dot(a2, Ja2))
+        put6(rows, c, K, k)
+        put6(rows, c, INV_K, inverse_symmetric(k))
 
 
 @jit
-def velocity(row, mu, v, w):
-    """Velocity of the contact point along the contact's axes; the tangents read 0 without friction."""
-    u_n = dot(vec(row, AXES), v) + dot(vec(row, ARM), w)
+def velocity(rows, c, mu, v, w):
+    """Velocity of contact c's point along its axes; the tangents read 0 without friction."""
+    u_n = dot(vec2(rows, c, AXES), v) + dot(vec2(rows, c, ARM), w)
     if mu == 0.0:
         return u_n, 0.0, 0.0
-    u_1 = dot(vec(row, AXES + 3), v) + dot(vec(row, ARM + 3), w)
-    u_2 = dot(vec(row, AXES + 6), v) + dot(vec(row, ARM + 6), w)
+    u_1 = dot(vec2(rows, c, AXES + 3), v) + dot(vec2(rows, c, ARM + 3), w)
+    u_2 = dot(vec2(rows, c, AXES + 6), v) + dot(vec2(rows, c, ARM + 6), w)
     return u_n, u_1, u_2
 
 
 @jit
-def apply(row, inv_m, mu, p, v, w):
-    """The velocities after an impulse p along the contact's axes (Eqs. 1 and 2 over a blow)."""
-    v = axpy(inv_m * p[0], vec(row, AXES), v)
-    w = axpy(p[0], vec(row, TURN), w)
+def apply(rows, c, inv_m, mu, p, v, w):
+    """The velocities after an impulse p along contact c's axes (Eqs. 1 and 2 over a blow)."""
+    v = axpy(inv_m * p[0], vec2(rows, c, AXES), v)
+    w = axpy(p[0], vec2(rows, c, TURN), w)
     if mu > 0.0:
-        v = axpy(inv_m * p[1], vec(row, AXES + 3), v)
-        w = axpy(p[1], vec(row, TURN + 3), w)
-        v = axpy(inv_m * p[2], vec(row, AXES + 6), v)
-        w = axpy(p[2], vec(row, TURN + 6), w)
+        v = axpy(inv_m * p[1], vec2(rows, c, AXES + 3), v)
+        w = axpy(p[1], vec2(rows, c, TURN + 3), w)
+        v = axpy(inv_m * p[2], vec2(rows, c, AXES + 6), v)
+        w = axpy(p[2], vec2(rows, c, TURN + 6), w)
     return v, w
 
 
 @jit
-def world_impulse(row, mu):
-    """The row's impulse in world axes, N s."""
-    p = scale(row[P], vec(row, AXES))
+def world_impulse(rows, c, mu):
+    """Contact c's impulse in world axes, N s."""
+    p = scale(rows[c, P], vec2(rows, c, AXES))
     if mu > 0.0:
-        p = axpy(row[P + 1], vec(row, AXES + 3), p)
-        p = axpy(row[P + 2], vec(row, AXES + 6), p)
+        p = axpy(rows[c, P + 1], vec2(rows, c, AXES + 3), p)
+        p = axpy(rows[c, P + 2], vec2(rows, c, AXES + 6), p)
     return p
 
 
 @jit
-def agree(rows, n, inv_m, mu, mean_slip, v, w):
+def least_norm(rows, n, m, J, R, frame_b, v, w):
+    """Impulses that make every contact stick at once, cones aside; the least that do.
+
+    Many points that stick are more conditions than a rigid body has freedoms, and sweeps share the
+    load among them slowly. Here the residual velocities r of the n points are matched by one rigid
+    motion (y, z): least squares, as if the points were unit masses, with a small share ε of the
+    body's own mass and inertia so that it always has one answer. Then
+
+        (ε m + n) y + z × Σq = Σr
+        (ε J + Σ(|q|² − q qᵀ)) z + Σq × y = Σ q × r
+        Δẋ = −y,  Δw = −z,  Δp = −(r − y − z × q)/ε
+
+    which is (A M⁻¹ Aᵀ + ε) Δp = −r, with A the points' 3n rows, solved by 3 x 3 matrices alone. It
+    shrinks r by about ε m; a second pass brings it to rounding.
+
+    Returns:
+        (v, w, worst): the velocities with Δp in them, and the largest |r| it began with, m/s.
+    """
+    epsilon = EPSILON / m
+    S = (0.0, 0.0, 0.0)
+    T = (0.0, 0.0, 0.0)
+    sum_q = (0.0, 0.0, 0.0)
+    xx, yy, zz = epsilon * J[0], epsilon * J[1], epsilon * J[2]
+    xy, xz, yz = 0.0, 0.0, 0.0
+    worst = 0.0
+    for c in range(n):
+        u = velocity(rows, c, 1.0, v, w)
+        r_n, r_1, r_2 = (
+            u[0] - rows[c, TARGET],
+            u[1] - rows[c, TARGET + 1],
+            u[2] - rows[c, TARGET + 2],
+        )
+        worst = max(worst, abs(r_n), abs(r_1), abs(r_2))
+        put2(rows, c, R_, (r_n, r_1, r_2))
+        r = axpy(r_1, frame_b[1], axpy(r_2, frame_b[2], scale(r_n, frame_b[0])))
+        q = vec2(rows, c, Q)
+        S = add(S, r)
+        T = add(T, cross(q, r))
+        sum_q = add(sum_q, q)
+        xx += q[1] * q[1] + q[2] * q[2]
+        yy += q[0] * q[0] + q[2] * q[2]
+        zz += q[0] * q[0] + q[1] * q[1]
+        xy -= q[0] * q[1]
+        xz -= q[0] * q[2]
+        yz -= q[1] * q[2]
+    s = 1.0 / (n + EPSILON)
+    T = axpy(-s, cross(sum_q, S), T)
+    inverse = inverse_symmetric(
+        (
+            xx - s * (sum_q[1] * sum_q[1] + sum_q[2] * sum_q[2]),
+            xy + s * sum_q[0] * sum_q[1],
+            xz + s * sum_q[0] * sum_q[2],
+            yy - s * (sum_q[0] * sum_q[0] + sum_q[2] * sum_q[2]),
+            yz + s * sum_q[1] * sum_q[2],
+            zz - s * (sum_q[0] * sum_q[0] + sum_q[1] * sum_q[1]),
+        )
+    )
+    z = (
+        inverse[0] * T[0] + inverse[1] * T[1] + inverse[2] * T[2],
+        inverse[1] * T[0] + inverse[3] * T[1] + inverse[4] * T[2],
+        inverse[2] * T[0] + inverse[4] * T[1] + inverse[5] * T[2],
+    )
+    y = scale(s, axpy(-1.0, cross(z, sum_q), S))
+    for c in range(n):
+        fit = add(y, cross(z, vec2(rows, c, Q)))
+        fit = (dot(frame_b[0], fit), dot(frame_b[1], fit), dot(frame_b[2], fit))
+        left = axpy(-1.0, fit, vec2(rows, c, R_))
+        put2(rows, c, P, axpy(-1.0 / epsilon, left, vec2(rows, c, P)))
+    return axpy(-1.0, to_world(R, y), v), axpy(-1.0, z, w), worst
+
+
+@jit
+def holds(rows, n, mu, v, w):
+    """True if every contact sticks, inside its cone and on target: nothing is left to solve."""
+    worst = 0.0
+    for c in range(n):
+        u = velocity(rows, c, 1.0, v, w)
+        p = vec2(rows, c, P)
+        worst = max(
+            worst,
+            abs(u[0] - rows[c, TARGET]),
+            abs(u[1] - rows[c, TARGET + 1]),
+            abs(u[2] - rows[c, TARGET + 2]),
+        )
+        if p[0] <= 0.0 or p[1] * p[1] + p[2] * p[2] > mu * mu * p[0] * p[0]:
+            return False
+    return worst < STILL
+
+
+@stage
+def stick(rows, n, m, J, mu, R, frame_b, v, w):
+    """Try to make every contact stick, from no impulse at all.
+
+    Where friction or normal forces are not unique these are the least ones, independent of the order
+    of the points and of what came before.
+
+    Returns:
+        (done, v, w): done if every impulse is inside its cone and every point on its target.
+    """
+    for c in range(n):
+        put2(rows, c, P, (0.0, 0.0, 0.0))
+    for _ in range(MAX_PASSES):
+        v, w, worst = least_norm(rows, n, m, J, R, frame_b, v, w)
+        for c in range(n):
+            p = vec2(rows, c, P)
+            if p[0] <= 0.0 or p[1] * p[1] + p[2] * p[2] > mu * mu * p[0] * p[0]:
+                return False, v, w
+        if worst < RESIDUAL:
+            return True, v, w
+    return False, v, w
+
+
+@stage
+def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
     """Sweep the single contact solve over n rows until their impulses agree.
 
     Args:
@@ -115,35 +253,46 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w):
         mean_slip: 1.0: friction opposes the mean of the slip before and after; 0.0: the slip after.
         v: velocity, world axes.
         w: angular velocity, body axes.
+        sweeps: at most so many.
+        tolerance: m/s; enough when a sweep changes no contact's velocity by more.
 
     Returns:
-        (v, w) with the impulses in them; the impulses are in the rows.
+        (v, w, change): the velocities with the impulses in them, which are in the rows, and what the
+        last sweep still changed, m/s.
     """
-    for sweep in range(MAX_SWEEPS):
+    change = 0.0
+    for _ in range(sweeps):
         change = 0.0
-        for k in range(n):
-            row = rows[k]
-            p = vec(row, P)
-            u = velocity(row, mu, v, w)
-            Kk = six(row, K)
-            # u without this contact's own impulse, K p
+        for c in range(n):
+            p = vec2(rows, c, P)
+            u = velocity(rows, c, mu, v, w)
+            k = six2(rows, c, K)
+            target = vec2(rows, c, TARGET)
+            # u without this contact's own impulse
+            own = (
+                k[0] * p[0] + k[1] * p[1] + k[2] * p[2],
+                k[1] * p[0] + k[3] * p[1] + k[4] * p[2],
+                k[2] * p[0] + k[4] * p[1] + k[5] * p[2],
+            )
             b = (
-                u[0] - row[TARGET] - (Kk[0] * p[0] + Kk[1] * p[1] + Kk[2] * p[2]),
-                u[1] - row[TARGET + 1] - (Kk[1] * p[0] + Kk[3] * p[1] + Kk[4] * p[2]),
-                u[2] - row[TARGET + 2] - (Kk[2] * p[0] + Kk[4] * p[1] + Kk[5] * p[2]),
+                u[0] - own[0] - target[0],
+                u[1] - own[1] - target[1],
+                u[2] - own[2] - target[2],
             )
             r = (
-                b[1] + row[TARGET + 1] + mean_slip * row[SLIP],
-                b[2] + row[TARGET + 2] + mean_slip * row[SLIP + 1],
+                u[1] - own[1] + mean_slip * rows[c, SLIP],
+                u[2] - own[2] + mean_slip * rows[c, SLIP + 1],
             )
-            p_new = cone_impulse(Kk, six(row, INV_K), mu, b, r)
+            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r)
             dp = (p_new[0] - p[0], p_new[1] - p[1], p_new[2] - p[2])
-            put(row, P, p_new)
-            v, w = apply(row, inv_m, mu, dp, v, w)
-            change = max(change, abs(dp[0]) * Kk[0] + abs(dp[1]) * Kk[3] + abs(dp[2]) * Kk[5])
-        if n == 1 or change < TOLERANCE:
+            put2(rows, c, P, p_new)
+            v, w = apply(rows, c, inv_m, mu, dp, v, w)
+            change = max(change, abs(dp[0]) * k[0] + abs(dp[1]) * k[3] + abs(dp[2]) * k[5])
+        if n == 1:
+            change = 0.0
+        if change < tolerance:
             break
-    return v, w
+    return v, w, change
 
 
 @jit
@@ -170,7 +319,7 @@ def no_gain(m, J, before, v0, w0, v1, w1):
     return s, axpy(s, dv, v0), axpy(s, dw, w0)
 
 
-@jit
+@stage
 def strike(rows, n, m, inv_m, J, mu, v, w):
     """All rows are struck at once: Newton's restitution and Coulomb friction, without energy gain.
 
@@ -181,27 +330,22 @@ def strike(rows, n, m, inv_m, J, mu, v, w):
     """
     before = kinetic_energy(m, J, v, w)
     for k in range(n):
-        put(rows[k], P, (0.0, 0.0, 0.0))
-    v1, w1 = agree(rows, n, inv_m, mu, 1.0, v, w)
+        put2(rows, k, P, (0.0, 0.0, 0.0))
+    v1, w1, _change = agree(rows, n, inv_m, mu, 1.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
     if kinetic_energy(m, J, v1, w1) <= before:
         return v1, w1
 
     newton = rows[:n, P : P + 3].copy()
     for k in range(n):
-        put(rows[k], P, (0.0, 0.0, 0.0))
-        put(rows[k], TARGET, (min(0.0, rows[k, TARGET]), 0.0, 0.0))
-    v0, w0 = v, w
-    v0, w0 = agree(rows, n, inv_m, mu, 0.0, v0, w0)
+        put2(rows, k, P, (0.0, 0.0, 0.0))
+        put2(rows, k, TARGET, (0.0, 0.0, 0.0))
+    v0, w0, _change = agree(rows, n, inv_m, mu, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
     # Sweeps cut short may leave a gain: then stop on the way from no impulse at all.
     s, v0, w0 = no_gain(m, J, before, v, w, v0, w0)
     for k in range(n):
-        put(rows[k], P, scale(s, vec(rows[k], P)))
+        put2(rows, k, P, scale(s, vec2(rows, k, P)))
     s, v1, w1 = no_gain(m, J, before, v0, w0, v1, w1)
     for k in range(n):
-        p0 = vec(rows[k], P)
-        put(
-            rows[k],
-            P,
-            add(scale(1.0 - s, p0), scale(s, (newton[k, 0], newton[k, 1], newton[k, 2]))),
-        )
+        plastic = scale(1.0 - s, vec2(rows, k, P))
+        put2(rows, k, P, axpy(s, vec2(newton, k, 0), plastic))
     return v1, w1

@@ -1,0 +1,323 @@
+"""The Gymnasium environment: the batch of one."""
+
+from typing import Any, ClassVar
+
+import gymnasium as gym
+import numpy as np
+from gymnasium import spaces
+
+from solver import METHODS, Plane
+from solver.errors import finite, number, one_of
+from solver.scene import UNIT_TOLERANCE
+from solver.sweep import WIDTH as CONTACT_ROW
+
+from . import car, observe, reward, row as r, starts, task
+
+GRAVITY = 9.81
+EPISODE_TIME = 10.0
+"""s."""
+
+TERRAINS = ("level",)
+
+
+class Core:
+    """The rows, buffers and settings that every kind of environment is made of.
+
+    Args:
+        n: how many environments.
+        start: kind of start, or "any".
+        terrain: "level".
+        obs: "egocentric" or "state".
+        control_dt: s between actions.
+        substeps: physics steps in each.
+        method: contact method.
+    """
+
+    def __init__(
+        self,
+        n: int = 1,
+        start: str = "any",
+        terrain: str = "level",
+        obs: str = "egocentric",
+        control_dt: float = 0.04,
+        substeps: int = 10,
+        method: str = "impulse",
+    ):
+        if not isinstance(n, int | np.integer) or n < 1:
+            raise ValueError(f"num_envs must be a whole number >= 1, got {n!r}")
+        one_of("start", start, (*starts.KINDS, "any"))
+        one_of("terrain", terrain, TERRAINS)
+        one_of("obs", obs, observe.KINDS)
+        control_dt = number("control_dt", control_dt, above=0.0, high=0.5)
+        if not isinstance(substeps, int | np.integer) or not 1 <= substeps <= 1000:
+            raise ValueError(f"substeps must be a whole number from 1 to 1000, got {substeps!r}")
+        if one_of("method", method, METHODS) != "impulse":
+            raise ValueError(f"method must be 'impulse' in the environment, got {method!r}")
+        body = car.body()
+        self.start = start
+        self.obs_kind = obs
+        self.control_dt = control_dt
+        self.points = len(body.hull)
+        self.model = r.model(
+            body,
+            Plane(),
+            (car.FRICTION, car.RESTITUTION),
+            GRAVITY,
+            car.TORQUE_LIMIT,
+            car.N_WHEELS,
+            control_dt,
+            int(substeps),
+            round(EPISODE_TIME / control_dt),
+            int(np.ceil(reward.HOLD_TIME / control_dt - 1e-9)),
+            obs == "egocentric",
+        )
+        self.bank = starts.settled_bank(self.model.tobytes())
+        self.rows = np.zeros((n, r.width(self.points)))
+        self.out = task.results(n)
+        self.push = np.zeros((n, self.points, 3))
+        self.scratch = np.zeros((self.points, CONTACT_ROW))
+        self.observation_space = observe.space(obs)
+        self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
+
+    def set_key(self, i: int, seed: int) -> None:
+        """Give environment i the random stream of a seed, from its first episode."""
+        self.rows[i, r.KEY] = (seed >> 32) & 0xFFFFFFFF
+        self.rows[i, r.KEY + 1] = seed & 0xFFFFFFFF
+        self.rows[i, r.EPISODE] = -1
+
+    def begin(self, i: int, start: str) -> None:
+        """Start environment i's next episode."""
+        kind = starts.ANY if start == "any" else starts.KINDS.index(start)
+        self.rows[i, r.EPISODE] += 1
+        starts.begin(self.model, self.bank, self.rows[i], kind)
+
+    def step(self, actions: np.ndarray) -> np.ndarray:
+        """One control step of all, from (n, 3) float32 actions. Returns fresh (n, k) observations.
+
+        Raises:
+            ValueError: an action is not finite; nothing has changed then.
+        """
+        obs = np.empty((len(self.rows), self.observation_space.shape[0]), np.float32)
+        bad = task.step(self.model, self.rows, actions, obs, self.out, self.push, self.scratch)
+        if bad >= 0:
+            raise ValueError(f"action must be finite, got {actions[bad].tolist()}")
+        return obs
+
+    def info(self, i: int) -> dict[str, Any]:
+        """The info of environment i after a step."""
+        values = self.out[i].tolist()
+        info = {
+            "is_success": values[task.SUCCESS] != 0.0,
+            "energy": values[task.ENERGY],
+            "work": values[task.WORK],
+            "tilt": values[task.TILT],
+            "n_contacts": int(values[task.N_CONTACTS]),
+            "reward_terms": dict(zip(reward.TERMS, values, strict=False)),
+        }
+        if info["is_success"]:
+            info["time_to_upright"] = float(self.rows[i, r.STEPS]) * self.control_dt
+        if values[task.FAILED]:
+            info["solver_error"] = "the state was no longer finite; the last good one was kept"
+        return info
+
+    def start_info(self, i: int) -> dict[str, Any]:
+        """The info of environment i after a reset."""
+        scrap = np.empty(self.observation_space.shape, np.float32)
+        energy, tilt = task.look(self.model, self.rows[i], scrap)
+        return {
+            "is_success": False,
+            "energy": energy,
+            "work": float(self.rows[i, r.WORK]),
+            "tilt": tilt,
+            "n_contacts": 0,
+            "reward_terms": dict.fromkeys(reward.TERMS, 0.0),
+            "start": starts.KINDS[int(self.rows[i, r.START])],
+        }
+
+    def observation(self, i: int) -> np.ndarray:
+        """Environment i's observation, freshly made."""
+        obs = np.empty(self.observation_space.shape, np.float32)
+        task.look(self.model, self.rows[i], obs)
+        return obs
+
+    def check_state(self, state: Any) -> np.ndarray:
+        """A state array as `get_state` gives it.
+
+        Raises:
+            ValueError: wrong shape, not finite, or its quaternion is not a unit one.
+        """
+        array = finite("state", state, (self.rows.shape[1],))
+        norm = float(np.linalg.norm(array[3:7]))
+        if abs(norm - 1.0) > UNIT_TOLERANCE:
+            raise ValueError(f"state's quaternion (entries 3 to 6) must have norm 1, got {norm:g}")
+        if not 0 <= array[r.START] < len(starts.KINDS):
+            raise ValueError(
+                f"state's start (entry {r.START}) must be 0 to {len(starts.KINDS) - 1}, "
+                f"got {array[r.START]:g}"
+            )
+        return array
+
+
+class FlipCarEnv(gym.Env):
+    """Recover a flipped rally car.
+
+    ## Description
+    A rally car (1230 kg, 4.4 m) has flipped over. A righting torque acts about its own axes, too weak
+    to lift it over an edge of its roof from rest: it must be rocked, often the wrong way first,
+    pumping energy through the contact with the ground. The ground is level, friction 0.8; the wheels
+    are locked. Contacts are rigid impulses with Coulomb friction, stepped at 250 Hz.
+
+    ## Action Space
+    `Box(-1, 1, (3,), float32)`; values outside are clipped, non-finite ones refused.
+
+    | Num | Action | Unit of 1 |
+    |-----|--------|-----------|
+    | 0 | torque about the car's x axis (roll) | 3500 N m |
+    | 1 | torque about the car's y axis (pitch) | 3500 N m |
+    | 2 | torque about the car's z axis (yaw) | 3500 N m |
+
+    ## Observation Space
+    `obs="egocentric"`: `Box((10,), float32)`, in the car's axes (x forward, y left, z up), clipped.
+
+    | Num | Observation | Min | Max |
+    |-----|-------------|-----|-----|
+    | 0-2 | direction of gravity | -1 | 1 |
+    | 3-5 | velocity of the centre of mass, m/s | -60 | 60 |
+    | 6-8 | angular velocity, rad/s | -60 | 60 |
+    | 9 | height of the centre of mass, m | 0 | 150 |
+
+    `obs="state"`: `Box((13,), float32)`, in world axes.
+
+    | Num | Observation | Min | Max |
+    |-----|-------------|-----|-----|
+    | 0-2 | centre of mass, m | -150 | 150 |
+    | 3-6 | attitude, unit quaternion w, x, y, z, body to world | -1 | 1 |
+    | 7-9 | velocity of the centre of mass, m/s | -60 | 60 |
+    | 10-12 | angular velocity, rad/s | -60 | 60 |
+
+    ## Rewards
+    The sum of four terms, each in `info["reward_terms"]`:
+
+    | Term | Value |
+    |------|-------|
+    | progress | 2 x the change of (1 + cos tilt)/2, a potential |
+    | success | 5 once, when the episode ends upright |
+    | time | -0.02 a step |
+    | effort | -0.005 x the mean square of the action |
+
+    ## Starting State
+    `start`, or `reset(options={"start": ...})`:
+
+    | Kind | Start | Share of "any" |
+    |------|-------|----------------|
+    | roof | settled on its roof, nudged by a small random spin | 40 % |
+    | side | settled on its side, nudged | 20 % |
+    | nose | on its nose or tail, let go near balance | 10 % |
+    | drop | any attitude and spin, 0.2 to 1.5 m above the ground | 20 % |
+    | upright | on its wheels, nudged | 10 % |
+    | crash | barrel rolling sideways at 5 to 20 m/s | 0 |
+
+    `reset(options={"state": array})` starts from what `get_state()` gave.
+
+    ## Episode End
+    Terminated: success, that is within 15° of upright, carried by at least three wheels and nothing
+    else, slower than 0.5 m/s and 0.5 rad/s, for half a second. Truncated: after 10 s (the
+    environment's own limit, part of its state), beyond 100 m, or if the solver gives up
+    (`info["solver_error"]`).
+
+    ## Information
+    `is_success` (bool), `time_to_upright` (s, once reached), `energy` (mechanical, J), `work` (the
+    actuator's integral of |torque · w|, J), `tilt` (rad), `n_contacts`, `reward_terms`.
+
+    ## Arguments
+    | Argument | Default | Meaning |
+    |----------|---------|---------|
+    | start | "any" | kind of start |
+    | terrain | "level" | only level ground so far |
+    | obs | "egocentric" | or "state" |
+    | control_dt | 0.04 | s between actions |
+    | substeps | 10 | physics steps in each |
+    | method | "impulse" | contact method |
+
+    ## Version History
+    * v0: initial version.
+    """
+
+    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "render_fps": 25}
+
+    def __init__(
+        self,
+        start: str = "any",
+        terrain: str = "level",
+        obs: str = "egocentric",
+        render_mode: str | None = None,
+        control_dt: float = 0.04,
+        substeps: int = 10,
+        method: str = "impulse",
+    ):
+        if render_mode is not None:
+            raise ValueError(
+                f"render_mode must be None, got {render_mode!r}; `flipcar play` records episodes"
+            )
+        self.render_mode = None
+        self.core = Core(1, start, terrain, obs, control_dt, substeps, method)
+        self.observation_space = self.core.observation_space
+        self.action_space = self.core.action_space
+        self._started = False
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
+        """Start an episode: the next of this environment's stream, or the first of a seed's.
+
+        Args:
+            seed: of the stream.
+            options: {"start": kind} or {"state": array}.
+        """
+        options = options or {}
+        for name in options:
+            one_of("options", name, ("start", "state"))
+        start = options.get("start", self.core.start)
+        one_of("start", start, (*starts.KINDS, "any"))
+        state = self.core.check_state(options["state"]) if "state" in options else None
+        super().reset(seed=seed)
+        if seed is not None or not self._started:
+            self.core.set_key(0, self.np_random_seed)
+        self._started = True
+        if state is None:
+            self.core.begin(0, start)
+        else:
+            self.core.rows[0] = state
+        return self.core.observation(0), self.core.start_info(0)
+
+    def step(self, action):
+        """One control step. A non-finite action is refused and changes nothing."""
+        if not self._started:
+            raise gym.error.ResetNeeded("call reset() before step()")
+        action = np.asarray(action, dtype=np.float32)
+        if action.shape != (3,):
+            raise ValueError(f"action must have shape (3,), got {action.shape}")
+        obs = self.core.step(action.reshape(1, 3))
+        values = self.core.out[0]
+        return (
+            obs[0],
+            float(values[task.REWARD]),
+            bool(values[task.TERMINATED]),
+            bool(values[task.TRUNCATED]),
+            self.core.info(0),
+        )
+
+    def get_state(self) -> np.ndarray:
+        """Everything that the future depends on, random stream and time included, as one array."""
+        return self.core.rows[0].copy()
+
+    def set_state(self, state: np.ndarray) -> None:
+        """Go on from what `get_state` gave.
+
+        Raises:
+            ValueError: it is not such an array; nothing has changed then.
+        """
+        self.core.rows[0] = self.core.check_state(state)
+        self._started = True
+
+    def contact_impulses(self) -> np.ndarray:
+        """(p, 3) impulse on each hull point over the last control step, world axes, N s."""
+        return self.core.push[0].copy()

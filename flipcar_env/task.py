@@ -1,0 +1,164 @@
+"""The task, compiled: actuate, step, observe, reward. Rows in, rows out; no Python objects."""
+
+from math import sqrt
+
+import numpy as np
+
+from solver import impulse
+from solver.algebra import borrowed, dot, entry, jit, put, vec
+from solver.model import MEMORY, is_finite, load, store, unpack
+from solver.sweep import kinetic_energy
+
+from . import observe, reward, row as r
+
+# Columns of a step's results.
+TERMS = 0  # reward terms, in the order of reward.TERMS
+REWARD = 4
+TERMINATED = 5
+TRUNCATED = 6
+SUCCESS = 7
+ENERGY = 8
+TILT = 9
+N_CONTACTS = 10
+WORK = 11
+FAILED = 12
+WIDTH = 13
+
+
+@jit
+def observe_row(model, row, obs):
+    """Fill the observation of one row."""
+    x, quat, v, w = load(row)
+    if model[r.EGOCENTRIC] != 0.0:
+        observe.egocentric(x, quat, v, w, obs)
+    else:
+        observe.state(x, quat, v, w, obs)
+
+
+@jit
+def cos_tilt(quat):
+    """Vertical component of the car's up axis."""
+    return 1.0 - 2.0 * (quat[1] * quat[1] + quat[2] * quat[2])
+
+
+@jit
+def energy(model, x, v, w):
+    """Mechanical energy, zero at rest on the ground plane's height, J."""
+    m = model[r.BODY]
+    return kinetic_energy(m, vec(model, r.BODY + 1), v, w) + m * model[r.GRAVITY] * x[2]
+
+
+@jit
+def step_row(model, hull, row, action, obs, out, push, scratch):
+    """One control step of one environment."""
+    body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
+    law = (model[r.LAW], model[r.LAW + 1])
+    g = (0.0, 0.0, -model[r.GRAVITY])
+    substeps = int(model[r.SUBSTEPS])
+    h = model[r.CONTROL_DT] / substeps
+    points = hull.shape[0]
+    contacts = borrowed(row[r.CONTACTS :].reshape(points, MEMORY))
+
+    # actuate
+    act = (
+        min(1.0, max(-1.0, float(action[0]))),
+        min(1.0, max(-1.0, float(action[1]))),
+        min(1.0, max(-1.0, float(action[2]))),
+    )
+    torque = (
+        act[0] * model[r.LIMIT],
+        act[1] * model[r.LIMIT + 1],
+        act[2] * model[r.LIMIT + 2],
+    )
+
+    # step
+    push[:] = 0.0
+    x, quat, v, w = load(row)
+    before = cos_tilt(quat)
+    failed = False
+    work = row[r.WORK]
+    clear = 0.0
+    for _ in range(substeps):
+        x1, quat1, v1, w1, clear = impulse.step(
+            body, hull, plane, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
+        )
+        if not is_finite(x1, quat1, v1, w1):
+            failed = True
+            break
+        work += 0.5 * h * (abs(dot(torque, w)) + abs(dot(torque, w1)))
+        x, quat, v, w = x1, quat1, v1, w1
+    store(row, x, quat, v, w)
+    row[r.WORK] = work
+    row[r.STEPS] += 1.0
+
+    # observe
+    observe_row(model, row, obs)
+
+    # reward
+    wheels_down, others_down = 0, 0
+    for k in range(points):
+        if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
+            if k < model[r.WHEELS]:
+                wheels_down += 1
+            else:
+                others_down += 1
+    after = cos_tilt(quat)
+    still = reward.is_still_upright(
+        after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down
+    )
+    row[r.HELD] = row[r.HELD] + 1.0 if still else 0.0
+    success = row[r.HELD] >= model[r.HOLD_STEPS]
+    terms = reward.terms(before, after, success, act)
+    put(out, TERMS, (terms[0], terms[1], terms[2]))
+    out[TERMS + 3] = terms[3]
+    out[REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
+    far = x[0] * x[0] + x[1] * x[1] > observe.FIELD * observe.FIELD
+    out[TERMINATED] = success
+    out[TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
+    out[SUCCESS] = success
+    out[ENERGY] = energy(model, x, v, w)
+    out[TILT] = reward.tilt(after)
+    out[N_CONTACTS] = wheels_down + others_down
+    out[WORK] = work
+    out[FAILED] = failed
+
+
+@entry
+def step(model, rows, actions, obs, out, push, scratch):
+    """One control step of n environments, in place; none if an action is not finite.
+
+    Args:
+        model: what they share (`row.model`).
+        rows: (n, row.width) their states.
+        actions: (n, 3) float32, clipped to [-1, 1] here.
+        obs: (n, k) float32, filled.
+        out: (n, WIDTH) filled.
+        push: (n, p, 3) filled with each hull point's contact impulse in world axes, N s.
+        scratch: (p, sweep.WIDTH).
+
+    Returns:
+        -1, or the first environment whose action is not finite: then nothing has been done.
+    """
+    for i in range(rows.shape[0]):
+        if not 0.0 * (actions[i, 0] + actions[i, 1] + actions[i, 2]) == 0.0:
+            return i
+    hull = borrowed(model[r.HULL :].reshape(-1, 4))
+    for i in range(rows.shape[0]):
+        step_row(
+            borrowed(model), hull, borrowed(rows[i]), borrowed(actions[i]), borrowed(obs[i]),
+            borrowed(out[i]), borrowed(push[i]), borrowed(scratch),
+        )  # fmt: skip
+    return -1
+
+
+@entry
+def look(model, row, obs):
+    """Fill the observation of one row, and return (energy, tilt) of it."""
+    observe_row(model, row, obs)
+    x, quat, v, w = load(row)
+    return energy(model, x, v, w), reward.tilt(cos_tilt(quat))
+
+
+def results(n: int) -> np.ndarray:
+    """Room for a step's results."""
+    return np.zeros((n, WIDTH))
