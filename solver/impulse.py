@@ -507,17 +507,3 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         if n > 0:
             f[k] = dot(plane_[0], vec2(pushes, k, 0)) / (n * h)
     return OK
-
-
-@entry
-def push_out(body, hull, plane, law, state):
-    """Positions alone: a shallow overlap out of the ground, before a run, in place."""
-    body_, plane_ = unpack(body, plane)
-    x, quat, v, w = load(state)
-    points = hull.shape[0]
-    rows = np.zeros((points, WIDTH))
-    for k in range(points):
-        rows[k, POINT] = k
-    open_all = np.zeros((points, MEMORY))
-    x, quat, w = project(body_, hull, plane_, x, quat, w, open_all, rows, points)
-    store(state, x, quat, v, w)

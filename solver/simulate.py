@@ -7,7 +7,7 @@ import numpy as np
 
 from . import acceleration, impulse
 from .errors import SolverError, finite, number, one_of
-from .model import MEMORY, NOT_FINITE, PAINLEVE
+from .model import MEMORY, NOT_FINITE, PAINLEVE, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
 METHODS = {
@@ -69,7 +69,7 @@ def simulate(
 
     It takes duration/dt steps, rounded when within 1e-6 of a whole number; otherwise the last step is
     shorter. The record's row 0 is the state given, before any impulse; then the end of every
-    `record_every`-th step. A start that overlaps the ground a little is first pushed out of it.
+    `record_every`-th step. A start that overlaps the ground a little is first lifted out of it.
 
     Args:
         scene: body, surface, gravity, contact law.
@@ -115,8 +115,8 @@ def simulate(
     times = [0.0]
     history = [rows.copy()]
     forces = [np.zeros((len(rows), points))]
-    for row in rows:
-        impulse.push_out(*scene.parameters, row)
+    depth = np.minimum(0.0, scene.gap(state).min(axis=-1)).reshape(-1, 1)
+    rows[:, :3] -= np.where(depth < -TOUCH, depth, 0.0) * scene.surface.normal
 
     def run_all(n, h, t, f):
         a = scene.gravity + force_at(times[-1]) / body.m

@@ -1,0 +1,1 @@
+"""Charts: what the solver is measured against."""

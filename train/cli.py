@@ -1,0 +1,254 @@
+"""The command line: `flipcar demo | train | eval | play | view | chart | bench | warmup`."""
+
+import json as json_module
+import os
+import sys
+import time
+from pathlib import Path
+from typing import Annotated, Literal
+
+import tyro
+from tqdm import tqdm
+
+import flipcar_env
+from flipcar_env.policy import Policy, load_policy
+from flipcar_env.starts import KINDS
+
+from .ppo import Config
+
+START = Literal["roof", "side", "nose", "drop", "crash", "upright", "any"]
+
+
+def demo(out: Path = Path("flipcar-demo.rrd"), seed: int = 0, json: bool = False) -> None:
+    """Recover the car from each kind of start with the shipped policy, and record it.
+
+    Needs neither torch nor a screen; with a screen the recording is opened.
+
+    Args:
+        out: recording to write.
+        seed: of the starts.
+        json: print the table as JSON.
+    """
+    from flipcar_env import recording
+
+    episodes = _play("nominal", list(KINDS), seed, None)
+    rows = [
+        {
+            "start": e.start,
+            "success": e.is_success,
+            "time_to_upright": e.time_to_upright,
+            "work": float(e.work[-1]),
+            "energy": float(e.energy[-1]),
+        }
+        for e in episodes
+    ]
+    recording.save(out, episodes)
+    if json:
+        print(json_module.dumps(rows, indent=2))
+    else:
+        print(f"{'start':<9}{'success':>8}{'time to upright, s':>20}{'energy, kJ':>12}{'work, kJ':>10}")
+        for row in rows:
+            upright = "-" if row["time_to_upright"] is None else f"{row['time_to_upright']:.2f}"
+            print(
+                f"{row['start']:<9}{'yes' if row['success'] else 'no':>8}{upright:>20}"
+                f"{row['energy'] / 1e3:>12.2f}{row['work'] / 1e3:>10.2f}"
+            )
+        print(f"\nrecorded in {out}; watch it with: flipcar view {out}")
+    if recording.has_display() and sys.stdout.isatty():
+        recording.view(out)
+
+
+def train(config: Annotated[Config, tyro.conf.arg(name="")]) -> None:
+    """Train a policy with SB3's PPO and evaluate it."""
+    try:
+        import stable_baselines3  # noqa: F401
+    except ImportError:
+        sys.exit("flipcar train needs Stable-Baselines3: pip install 'flipcar[train]'")
+    from .ppo import train as run
+
+    out = run(config)
+    print((out / "evaluation.json").read_text(), end="")
+    print(f"run directory: {out}")
+
+
+def evaluate(
+    policy: tyro.conf.Positional[str] = "nominal",
+    /,
+    start: START = "any",
+    episodes: int = 2000,
+    seed: int | None = None,
+    json: bool = False,
+) -> None:
+    """Play many unseen starts and count the recoveries.
+
+    Args:
+        policy: a shipped policy's name, or a file.
+        start: kind of start.
+        episodes: how many.
+        seed: of the first start.
+        json: print JSON.
+    """
+    from .evaluate import UNSEEN, evaluate as run
+
+    result = run(load_policy(policy), start, episodes, UNSEEN if seed is None else seed)
+    if json:
+        print(json_module.dumps(result, indent=2))
+        return
+    low, high = result["wilson"]
+    print(
+        f"{policy}, start {start}: recovered {result['success']:.2%} of {episodes} "
+        f"(95 % interval {low:.2%} to {high:.2%})"
+    )
+    if result["time_median"] is not None:
+        print(
+            f"time to upright: median {result['time_median']:.2f} s, "
+            f"95th percentile {result['time_p95']:.2f} s; "
+            f"median work {result['work_median'] / 1e3:.2f} kJ"
+        )
+
+
+def play(
+    policy: tyro.conf.Positional[str] = "nominal",
+    /,
+    start: START = "roof",
+    episodes: int = 1,
+    seed: int = 0,
+    state: Path | None = None,
+    out: Path = Path("flipcar-play.rrd"),
+) -> None:
+    """Play episodes with a policy and record them.
+
+    Args:
+        policy: a shipped policy's name, or a file.
+        start: kind of start.
+        episodes: how many.
+        seed: of the first.
+        state: a saved state (.npy, from `get_state`) to start from instead.
+        out: recording to write.
+    """
+    from flipcar_env import recording
+
+    recorded = _play(policy, [start] * episodes, seed, state)
+    recording.save(out, recorded)
+    for e in recorded:
+        ended = "not recovered" if e.time_to_upright is None else f"upright in {e.time_to_upright:.2f} s"
+        print(f"start {e.start}: {ended}")
+    print(f"recorded in {out}; watch it with: flipcar view {out}")
+
+
+def view(file: tyro.conf.Positional[Path], /) -> None:
+    """Open a recording in the rerun viewer, which listens on this machine only.
+
+    Args:
+        file: the recording (.rrd).
+    """
+    from flipcar_env import recording
+
+    recording.view(file)
+
+
+def chart(
+    scene: tyro.conf.Positional[Literal["tosses"]],
+    /,
+    data: Path | None = None,
+    model: Literal["recorded"] = "recorded",
+    json: bool = False,
+) -> None:
+    """Measure the solver on a scene.
+
+    Args:
+        scene: tosses: real tosses of a cube, rolled out from their first frame.
+        data: the file; cube_tosses.npz in the folder $FLIPCAR_DATA unless given.
+        model: recorded: the data as it is.
+        json: print JSON.
+    """
+    from solver.chart import tosses
+
+    if data is None:
+        folder = os.environ.get("FLIPCAR_DATA")
+        if folder is None:
+            raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
+        data = Path(folder) / "cube_tosses.npz"
+    loaded = tosses.load(data)
+    result = tosses.summary(
+        tqdm(tosses.errors(loaded), total=len(loaded.frames), unit="toss", disable=json)
+    )
+    if json:
+        print(json_module.dumps(result))
+    else:
+        print(f"{result['n']} tosses as {model}, μ = {tosses.FRICTION}, e = {tosses.RESTITUTION}")
+        print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
+        print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
+
+
+def bench(rounds: int = 30, json: bool = False) -> None:
+    """Time the environment against CartPole-v1, in turns, in this process.
+
+    Args:
+        rounds: blocks of 1000 steps of each.
+        json: print JSON.
+    """
+    from .bench import bench as run
+
+    result = run(load_policy("nominal"), rounds, lambda it: tqdm(it, unit="round", disable=json))
+    if json:
+        print(json_module.dumps(result, indent=2))
+        return
+    print(f"CartPole-v1: {result['cartpole_us']:.1f} µs a step")
+    for name, row in result.items():
+        if isinstance(row, dict):
+            low, high = row["ratio_p10_p90"]
+            print(
+                f"FlipCar-v0, {name}: {row['us']:.1f} µs a step of 10 substeps; "
+                f"CartPole / FlipCar = {row['ratio']:.2f} (10-90 %: {low:.2f} to {high:.2f})"
+            )
+
+
+def warmup() -> None:
+    """Compile everything now, so that later starts are quick."""
+    before = time.perf_counter()
+    _play("nominal", ["roof"], 0, None)
+    print(f"ready in {time.perf_counter() - before:.1f} s")
+
+
+def _play(policy: str, kinds: list[str], seed: int, state: Path | None) -> list:
+    """Episodes of a policy, one for each kind of start."""
+    import numpy as np
+
+    from flipcar_env.env import FlipCarEnv
+    from flipcar_env.rollout import play as run
+
+    drive: Policy = load_policy(policy)
+    env = FlipCarEnv(obs=drive.obs)
+    options = [{"start": kind} for kind in kinds]
+    if state is not None:
+        options = [{"state": np.load(state, allow_pickle=False)}]
+    return [run(env, drive, seed + i, option, policy) for i, option in enumerate(options)]
+
+
+COMMANDS = {
+    "demo": demo,
+    "train": train,
+    "eval": evaluate,
+    "play": play,
+    "view": view,
+    "chart": chart,
+    "bench": bench,
+    "warmup": warmup,
+}
+
+
+def main(arguments: list[str] | None = None) -> None:
+    """Run a command; an error that the user can mend is one line."""
+    arguments = sys.argv[1:] if arguments is None else arguments
+    if arguments == ["--version"]:
+        print(f"flipcar {flipcar_env.__version__}")
+        return
+    try:
+        tyro.extras.subcommand_cli_from_dict(
+            COMMANDS, prog="flipcar", description=__doc__, args=arguments
+        )
+    except (ValueError, OSError, RuntimeError) as error:
+        sys.exit(f"flipcar: {error}")
+    except KeyboardInterrupt:
+        sys.exit(130)
