@@ -77,6 +77,7 @@ class Core:
         self.push = np.zeros((n, self.points, 3))
         self.scratch = np.zeros((self.points, CONTACT_ROW))
         self.observation_space = observe.space(obs)
+        self.obs_shape = (n, *self.observation_space.shape)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
 
     def set_key(self, i: int, seed: int) -> None:
@@ -97,15 +98,14 @@ class Core:
         Raises:
             ValueError: an action is not finite; nothing has changed then.
         """
-        obs = np.empty((len(self.rows), self.observation_space.shape[0]), np.float32)
+        obs = np.empty(self.obs_shape, np.float32)
         bad = task.step(self.model, self.rows, actions, obs, self.out, self.push, self.scratch)
         if bad >= 0:
             raise ValueError(f"action must be finite, got {actions[bad].tolist()}")
         return obs
 
-    def info(self, i: int) -> dict[str, Any]:
-        """The info of environment i after a step."""
-        values = self.out[i].tolist()
+    def info(self, i: int, values: list[float]) -> dict[str, Any]:
+        """The info of environment i after a step, from its row of results."""
         info = {
             "is_success": values[task.SUCCESS] != 0.0,
             "energy": values[task.ENERGY],
@@ -122,7 +122,7 @@ class Core:
 
     def start_info(self, i: int) -> dict[str, Any]:
         """The info of environment i after a reset."""
-        scrap = np.empty(self.observation_space.shape, np.float32)
+        scrap = np.empty(self.obs_shape[1:], np.float32)
         energy, tilt = task.look(self.model, self.rows[i], scrap)
         return {
             "is_success": False,
@@ -136,7 +136,7 @@ class Core:
 
     def observation(self, i: int) -> np.ndarray:
         """Environment i's observation, freshly made."""
-        obs = np.empty(self.observation_space.shape, np.float32)
+        obs = np.empty(self.obs_shape[1:], np.float32)
         task.look(self.model, self.rows[i], obs)
         return obs
 
@@ -296,13 +296,13 @@ class FlipCarEnv(gym.Env):
         if action.shape != (3,):
             raise ValueError(f"action must have shape (3,), got {action.shape}")
         obs = self.core.step(action.reshape(1, 3))
-        values = self.core.out[0]
+        values = self.core.out[0].tolist()
         return (
             obs[0],
-            float(values[task.REWARD]),
-            bool(values[task.TERMINATED]),
-            bool(values[task.TRUNCATED]),
-            self.core.info(0),
+            values[task.REWARD],
+            values[task.TERMINATED] != 0.0,
+            values[task.TRUNCATED] != 0.0,
+            self.core.info(0, values),
         )
 
     def get_state(self) -> np.ndarray:

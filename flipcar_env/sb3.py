@@ -69,7 +69,7 @@ class FlipCarVecEnv(VecEnv):
         infos: list[dict] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(dones):
             steps = int(core.rows[i, r.STEPS])
-            infos[i] = core.info(i)
+            infos[i] = core.info(i, core.out[i].tolist())
             infos[i]["terminal_observation"] = obs[i].copy()
             infos[i]["TimeLimit.truncated"] = bool(truncated[i])
             infos[i]["episode"] = {

@@ -11,6 +11,9 @@ from math import sqrt
 from .algebra import jit, stage
 
 MAX_NEWTON = 12
+CLOSE = 1e-7
+"""rad; Newton's steps shrink quadratically, so the one after this would change nothing."""
+
 SCAN = 32
 """Directions tried where Newton finds no slip direction."""
 _COS, _SIN = 0.9807852804032304, 0.19509032201612825  # of a turn / SCAN
@@ -48,29 +51,26 @@ def _slip(K, mu, b_n, r1, r2, s1, s2):
     return D, p_n, along, across, slope
 
 
-@stage
+@jit
 def _newton(K, mu, b_n, r1, r2, s1, s2):
     """Slip direction at which slip is along itself, from a guess. (found, p_n, s1, s2)."""
-    p_n = 0.0
     for _ in range(MAX_NEWTON):
         D, p_n, along, across, slope = _slip(K, mu, b_n, r1, r2, s1, s2)
         if not (D > 0.0 and slope < 0.0):
             return False, p_n, s1, s2
-        if abs(across) <= 1e-15 * abs(along):
-            return along >= 0.0, p_n, s1, s2
         d = min(1.0, max(-1.0, -across / slope))
         s1, s2 = s1 - d * s2, s2 + d * s1
         n = 1.0 / sqrt(s1 * s1 + s2 * s2)
         s1 *= n
         s2 *= n
-        if abs(d) < 1e-15:
-            D, p_n, along, across, slope = _slip(K, mu, b_n, r1, r2, s1, s2)
-            return along >= 0.0 and D > 0.0, p_n, s1, s2
-    return False, p_n, s1, s2
+        if abs(d) < CLOSE:
+            D = K[0] - mu * (K[1] * s1 + K[2] * s2)
+            return along >= 0.0 and D > 0.0, -b_n / D, s1, s2
+    return False, 0.0, s1, s2
 
 
 @jit
-def cone_impulse(K, inv_K, mu, b, r):
+def cone_impulse(K, inv_K, mu, b, r, guess):
     """Impulse p at one contact such that u = u_free + K p meets the target, inside the friction cone.
 
     It sticks (all three components on target) while |p_t| ≤ μ p_n. Otherwise it slides: the normal
@@ -84,6 +84,7 @@ def cone_impulse(K, inv_K, mu, b, r):
         mu: friction coefficient.
         b: (3,) u_free − target, m/s.
         r: (2,) what the slip direction is measured from, m/s.
+        guess: (2,) tangential impulse against which it may slip; (0, 0) if not known.
 
     Returns:
         (p_n, p_1, p_2), N s. Zero if the contact separates by itself (b_n ≥ 0).
@@ -99,21 +100,33 @@ def cone_impulse(K, inv_K, mu, b, r):
     if p_n >= 0.0 and p_1 * p_1 + p_2 * p_2 <= mu * mu * p_n * p_n:
         return p_n, p_1, p_2
 
+    # Slip is sought where it was, then where it is measured from, then against the holding impulse.
+    found = False
     r1, r2 = r
-    n = sqrt(r1 * r1 + r2 * r2)
+    n = sqrt(guess[0] * guess[0] + guess[1] * guess[1])
     if n > 0.0:
-        s1, s2 = r1 / n, r2 / n
-    else:  # it starts to slide from rest: against the impulse that would hold it
-        n = sqrt(p_1 * p_1 + p_2 * p_2)
-        if n == 0.0:
-            return frictionless, 0.0, 0.0
-        s1, s2 = -p_1 / n, -p_2 / n
-    found, p_n, s1, s2 = _newton(K, mu, b[0], r1, r2, s1, s2)
+        found, p_n, s1, s2 = _newton(K, mu, b[0], r1, r2, -guess[0] / n, -guess[1] / n)
     if not found:
-        found, p_n, s1, s2 = _scan(K, mu, b[0], r1, r2)
+        found, p_n, s1, s2 = _slide(K, mu, b[0], r1, r2, p_1, p_2)
     if not found:  # no slip direction is consistent: push, and leave the slip to the next sweep
         return frictionless, 0.0, 0.0
     return p_n, -mu * p_n * s1, -mu * p_n * s2
+
+
+@stage
+def _slide(K, mu, b_n, r1, r2, p_1, p_2):
+    """Slip direction without a good guess. (found, p_n, s1, s2)."""
+    n = sqrt(r1 * r1 + r2 * r2)
+    if n > 0.0:
+        found, p_n, s1, s2 = _newton(K, mu, b_n, r1, r2, r1 / n, r2 / n)
+        if found:
+            return found, p_n, s1, s2
+    n = sqrt(p_1 * p_1 + p_2 * p_2)
+    if n > 0.0:
+        found, p_n, s1, s2 = _newton(K, mu, b_n, r1, r2, -p_1 / n, -p_2 / n)
+        if found:
+            return found, p_n, s1, s2
+    return _scan(K, mu, b_n, r1, r2)
 
 
 @stage

@@ -283,7 +283,7 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
                 u[1] - own[1] + mean_slip * rows[c, SLIP],
                 u[2] - own[2] + mean_slip * rows[c, SLIP + 1],
             )
-            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r)
+            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r, (p[1], p[2]))
             dp = (p_new[0] - p[0], p_new[1] - p[1], p_new[2] - p[2])
             put2(rows, c, P, p_new)
             v, w = apply(rows, c, inv_m, mu, dp, v, w)
