@@ -1,6 +1,6 @@
 """The Gymnasium environment: the batch of one."""
 
-from typing import Any, ClassVar
+from typing import Any
 
 import gymnasium as gym
 import numpy as np
@@ -11,7 +11,8 @@ from solver.errors import finite, number, one_of
 from solver.scene import UNIT_TOLERANCE
 from solver.sweep import WIDTH as CONTACT_ROW
 
-from . import car, observe, reward, row as r, starts, task
+from . import car, observe, reward, starts, task
+from . import row as r
 
 GRAVITY = 9.81
 EPISODE_TIME = 10.0
@@ -172,9 +173,9 @@ class FlipCarEnv(gym.Env):
 
     | Num | Action | Unit of 1 |
     |-----|--------|-----------|
-    | 0 | torque about the car's x axis (roll) | 3500 N m |
-    | 1 | torque about the car's y axis (pitch) | 3500 N m |
-    | 2 | torque about the car's z axis (yaw) | 3500 N m |
+    | 0 | torque about the car's x axis (roll) | 3100 N m |
+    | 1 | torque about the car's y axis (pitch) | 3100 N m |
+    | 2 | torque about the car's z axis (yaw) | 3100 N m |
 
     ## Observation Space
     `obs="egocentric"`: `Box((10,), float32)`, in the car's axes (x forward, y left, z up), clipped.
@@ -243,7 +244,7 @@ class FlipCarEnv(gym.Env):
     * v0: initial version.
     """
 
-    metadata: ClassVar[dict[str, Any]] = {"render_modes": [], "render_fps": 25}
+    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 25}  # noqa: RUF012 (Env declares it so)
 
     def __init__(
         self,

@@ -38,9 +38,9 @@ def _put(obs, at, a, bound):
 @jit
 def egocentric(x, quat, v, w, obs):
     """Fill a (10,) observation; w in the car's axes."""
-    R = matrix(quat)
-    _put(obs, 0, to_body(R, (0.0, 0.0, -1.0)), 1.0)
-    _put(obs, 3, to_body(R, v), _SPEED)
+    rotation = matrix(quat)
+    _put(obs, 0, to_body(rotation, (0.0, 0.0, -1.0)), 1.0)
+    _put(obs, 3, to_body(rotation, v), _SPEED)
     _put(obs, 6, w, _SPIN)
     obs[9] = np.float32(min(_FAR, max(0.0, x[2])))
 

@@ -17,7 +17,7 @@ _SHIPPED = files("flipcar_env") / "policies"
 
 @entry
 def _forward(weights, sizes, obs, hidden, actions):
-    """tanh layers, then a linear one, clipped to [-1, 1]; one row at a time, so batches keep bits.
+    """Tanh layers, then a linear one, clipped to [-1, 1]; one row at a time, so batches keep bits.
 
     (A BLAS product gives other bits for one row than for many.)
     """

@@ -69,5 +69,3 @@ def _frame(
         "reward": total,
         **info["reward_terms"],
     }
-
-

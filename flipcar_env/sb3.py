@@ -1,12 +1,13 @@
 """A native Stable-Baselines3 vector environment: SB3 steps the batch kernel without an adapter."""
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
-from . import row as r, task
+from . import row as r
+from . import task
 from .env import Core
 
 
@@ -34,8 +35,9 @@ class FlipCarVecEnv(VecEnv):
         """Seed environment i with seed + i, from the next reset on."""
         if seed is None:
             seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
-        self._seeds = [seed + i for i in range(self.num_envs)]
-        return self._seeds
+        seeds = [seed + i for i in range(self.num_envs)]
+        self._seeds = list(seeds)
+        return seeds
 
     def reset(self) -> np.ndarray:
         """Start an episode in every environment."""
@@ -67,7 +69,7 @@ class FlipCarVecEnv(VecEnv):
         dones = truncated | (core.out[:, task.TERMINATED] != 0.0)
         self._returns += core.out[:, task.REWARD]
         infos: list[dict] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(dones):
+        for i in np.flatnonzero(dones).tolist():
             steps = int(core.rows[i, r.STEPS])
             infos[i] = core.info(i, core.out[i].tolist())
             infos[i]["terminal_observation"] = obs[i].copy()
@@ -97,7 +99,10 @@ class FlipCarVecEnv(VecEnv):
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
     ) -> list[Any]:
         """`get_state()` and `set_state(array)` of each environment in `indices`."""
-        methods = {"get_state": self._get_state, "set_state": self._set_state}
+        methods: dict[str, Callable[..., Any]] = {
+            "get_state": self._get_state,
+            "set_state": self._set_state,
+        }
         if method_name not in methods:
             raise ValueError(
                 f"method_name must be one of {', '.join(map(repr, methods))}, got {method_name!r}"

@@ -9,7 +9,8 @@ from solver import impulse
 from solver.algebra import entry, jit, matrix, put, put_quat, to_body
 from solver.model import MEMORY, OPEN
 
-from . import chance, row as r
+from . import chance
+from . import row as r
 
 KINDS = ("roof", "side", "nose", "drop", "crash", "upright")
 

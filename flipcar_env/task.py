@@ -9,7 +9,8 @@ from solver.algebra import borrowed, dot, entry, jit, put, vec
 from solver.model import MEMORY, is_finite, load, store, unpack
 from solver.sweep import kinetic_energy
 
-from . import observe, reward, row as r
+from . import observe, reward
+from . import row as r
 
 # Columns of a step's results.
 TERMS = 0  # reward terms, in the order of reward.TERMS
@@ -103,9 +104,7 @@ def step_row(model, hull, row, action, obs, out, push, scratch):
             else:
                 others_down += 1
     after = cos_tilt(quat)
-    still = reward.is_still_upright(
-        after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down
-    )
+    still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
     row[r.HELD] = row[r.HELD] + 1.0 if still else 0.0
     success = row[r.HELD] >= model[r.HOLD_STEPS]
     terms = reward.terms(before, after, success, act)

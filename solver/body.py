@@ -45,9 +45,7 @@ class Body:
             raise ValueError(f"hull must have shape (p, 3) with p >= 1, got {self.hull.shape}")
         radius = finite("radius", radius)
         if radius.shape not in ((), (len(self.hull),)):
-            raise ValueError(
-                f"radius must be a scalar or have shape ({len(self.hull)},), got {radius.shape}"
-            )
+            raise ValueError(f"radius must be a scalar or have shape ({len(self.hull)},), got {radius.shape}")
         if (radius < 0).any():
             raise ValueError(f"radius must be >= 0, got {radius.min():g}")
         self.radius = np.array(np.broadcast_to(radius, len(self.hull)))
@@ -60,13 +58,9 @@ class Body:
             self.principal_axes = axes * np.sign(np.linalg.det(axes))
         least, middle, largest = np.sort(self.principal_J)
         if least <= 0.0:
-            raise ValueError(
-                f"J must be positive definite, got principal moments {self.principal_J}"
-            )
+            raise ValueError(f"J must be positive definite, got principal moments {self.principal_J}")
         if least + middle < largest * (1.0 - SYMMETRY):
-            raise ValueError(
-                f"J must satisfy J1 + J2 >= J3 as any real body does, got {self.principal_J}"
-            )
+            raise ValueError(f"J must satisfy J1 + J2 >= J3 as any real body does, got {self.principal_J}")
         self.bounding_radius = float((np.linalg.norm(self.hull, axis=1) + self.radius).max())
         for array in (self.J, self.hull, self.radius, self.principal_J, self.principal_axes):
             array.setflags(write=False)
@@ -87,9 +81,7 @@ class Body:
             raise ValueError(f"size must be > 2 radius = {2 * radius:g}, got {size.tolist()}")
         a, b, c = size**2
         corners = np.array([(i, j, k) for i in (-1, 1) for j in (-1, 1) for k in (-1, 1)])
-        return cls(
-            m, m / 12.0 * np.array([b + c, a + c, a + b]), corners * (size / 2 - radius), radius
-        )
+        return cls(m, m / 12.0 * np.array([b + c, a + c, a + b]), corners * (size / 2 - radius), radius)
 
     @classmethod
     def sphere(cls, m, radius) -> "Body":

@@ -187,9 +187,7 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
                     v1, w1 = apply(rows, c, inv_m, mu, p, v1, w1)
         if not done:
             scale_v = h * sqrt(dot(a, a))
-            v1, w1, change = agree(
-                rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, max(STILL, AGREED * scale_v)
-            )
+            v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, max(STILL, AGREED * scale_v))
             if change > scale_v:  # the first guess was worse than none
                 for c in range(n):
                     put2(rows, c, P, (0.0, 0.0, 0.0))
@@ -333,9 +331,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
 def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, depth, k):
     """Time of the first touch within (0, h]: Newton on the step map, from the right, in a bracket.
 
-    Args:
-        depth: gap (< 0) of the deepest open point at h.
-        k: that point.
+    `depth` is the gap (< 0) of the deepest open point at h, and k that point; the rest is `advance`'s.
 
     Returns:
         (t, x, quat, v, w, n): the end of a step of t seconds at which no open point is below the
@@ -343,9 +339,7 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
     """
     lo, hi = 0.0, h
     t = h
-    x1, quat1, v1, w1, n = trial(
-        body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t
-    )
+    x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t)
     for _ in range(MAX_LOCATE):
         speed = closing_speed(hull, k, plane, matrix(quat1), v1, w1)
         t_next = t - depth / speed if speed < 0.0 else 0.5 * (lo + hi)
@@ -354,9 +348,7 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
         if t_next == lo or t_next == hi:
             break
         t = t_next
-        x1, quat1, v1, w1, n = trial(
-            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t
-        )
+        x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t)
         k, depth = lowest_open(hull, plane, quat1, x1, contacts)
         if abs(depth) <= 0.01 * TOUCH:
             break
@@ -372,9 +364,7 @@ def plastic(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
     """A step in which every open point that would end below is kept from it, newcomers added."""
     x1, quat1, v1, w1, n = x, quat, v, w, 0
     for _ in range(MAX_ROUNDS):
-        x1, quat1, v1, w1, n = trial(
-            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h
-        )
+        x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
         N_b = to_body(matrix(quat1), plane[0])
         height = height_over(plane, x1)
         added = False
@@ -433,9 +423,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
             x, quat, w = drift(body, axpy(0.5 * h * h, a, x), quat, v, w, h)
             return x, quat, axpy(h, a, v), w, 0.0
-        x, quat, v, w, _n = advance(
-            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h
-        )
+        x, quat, v, w, _n = advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
         return x, quat, v, w, 0.0
 
     mu = law[0]
@@ -444,9 +432,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
     for impact in range(MAX_IMPACTS + 1):
         if clear <= TOUCH:
             v, w = collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push)
-        x1, quat1, v1, w1, n = advance(
-            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
-        )
+        x1, quat1, v1, w1, n = advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest)
         t = rest
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
         if clear <= TOUCH:
@@ -465,9 +451,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         if commit(rows, n, mu, contacts, push, t, h):
             clear = 0.0
         v = v1
-        x, quat, w = project(
-            body[2], body[1], body[3], hull, plane, x1, quat1, w1, contacts, rows, n
-        )
+        x, quat, w = project(body[2], body[1], body[3], hull, plane, x1, quat1, w1, contacts, rows, n)
         rest -= t
         if rest <= 0.0:
             break

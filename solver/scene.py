@@ -132,9 +132,7 @@ class Scene:
         """½m|v|² + ½w·Jw − m g·x, J: a float, or (n,) for a batch."""
         R = to_matrix(state.quat)
         w_b = np.einsum("...ji,...j->...i", R, state.w)
-        kinetic = self.body.m * (state.v**2).sum(-1) + np.einsum(
-            "...i,ij,...j->...", w_b, self.body.J, w_b
-        )
+        kinetic = self.body.m * (state.v**2).sum(-1) + np.einsum("...i,ij,...j->...", w_b, self.body.J, w_b)
         energy = 0.5 * kinetic - self.body.m * (state.x @ self.gravity)
         return energy if energy.ndim else float(energy)
 

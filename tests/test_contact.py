@@ -1,5 +1,7 @@
 """The article's single contact: Eqs. 4-8 against numpy, and the method that steps them."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from oracle import Article, random_body, random_quat, touching
@@ -67,10 +69,7 @@ def test_acceleration_is_that_of_eqs_6_and_7(method, seed):
         h = 1e-3
         estimates = [measured(h / 2**k) for k in range(5)]
         for order in range(1, 5):
-            estimates = [
-                (2**order * fine - coarse) / (2**order - 1)
-                for coarse, fine in zip(estimates[:-1], estimates[1:], strict=True)
-            ]
+            estimates = [(2**order * fine - coarse) / (2**order - 1) for coarse, fine in pairwise(estimates)]
         scale = np.abs(expected).max()
         np.testing.assert_allclose(estimates[0], expected, rtol=0, atol=1e-7 * scale)
 

@@ -198,7 +198,7 @@ def test_actions_are_clipped_and_torque_acts_about_the_cars_axes():
         env.set_state(state)
         env.step(np.array(action, np.float32))
         axis = int(np.argmax(action))
-        expected = 3500 * 0.04 / car.INERTIA[axis]
+        expected = car.TORQUE_LIMIT[axis] * 0.04 / car.INERTIA[axis]
         assert env.get_state()[10 + axis] == pytest.approx(expected, rel=1e-6)
         after = env.get_state()
         env.set_state(state)
@@ -243,9 +243,7 @@ def test_work_and_energy_balance():
     env = FlipCarEnv()
     rng = np.random.default_rng(0)
     for seed, start in enumerate(("roof", "side", "crash", "drop")):
-        episode = play(
-            env, lambda obs: rng.uniform(-1, 1, 3), seed=seed, options={"start": start}
-        )
+        episode = play(env, lambda obs: rng.uniform(-1, 1, 3), seed=seed, options={"start": start})
         gained = np.diff(episode.energy)
         worked = np.diff(episode.work)
         assert (gained <= worked + 0.5).all()  # J, of tens of kJ

@@ -22,9 +22,7 @@ def test_energy_and_angular_momentum_are_kept(seed):
     spin = kinetic - 0.5 * scene.body.m * state.v @ state.v
     spin_end = fall - 0.5 * scene.body.m * run.v[-1] @ run.v[-1]
     assert spin_end == pytest.approx(spin, rel=1e-8)
-    np.testing.assert_allclose(
-        scene.angular_momentum(run.state), L0, atol=1e-10 * np.linalg.norm(L0)
-    )
+    np.testing.assert_allclose(scene.angular_momentum(run.state), L0, atol=1e-10 * np.linalg.norm(L0))
     np.testing.assert_allclose(run.x[-1], state.x + 10 * state.v + [0, 0, -490.5], rtol=1e-12)
 
 

@@ -27,7 +27,10 @@ def test_no_impact_creates_energy(seed):
         tip = [None, None, turned([1, 0, 0], rng.uniform(0.1, 1.4)), UPRIGHT][kind]
         quats = [random_quat(rng) if tip is None else tip for _ in range(250)]
     scene = Scene(
-        body, gravity=ZERO, friction=rng.uniform(0, 3), restitution=rng.choice([0, rng.uniform(), 1])
+        body,
+        gravity=ZERO,
+        friction=rng.uniform(0, 3),
+        restitution=rng.choice([0, rng.uniform(), 1]),
     )
     x = np.array([touching(scene, quat) for quat in quats])
     v = rng.normal(size=(250, 3)) - [0, 0, 2]
@@ -170,16 +173,12 @@ def test_the_curved_skid_is_second_order():
 @pytest.mark.parametrize("seed", range(12))
 def test_a_tossed_box_neither_sinks_nor_gains_energy(seed):
     rng = np.random.default_rng(seed)
-    scene = Scene(
-        Body.box(1.0, rng.uniform(0.2, 0.6, 3)), friction=rng.uniform(), restitution=rng.uniform()
-    )
+    scene = Scene(Body.box(1.0, rng.uniform(0.2, 0.6, 3)), friction=rng.uniform(), restitution=rng.uniform())
     n = 20
     quats = np.array([random_quat(rng) for _ in range(n)])
-    state = State(
-        np.tile([0, 0, 1.0], (n, 1)), quats, rng.normal(size=(n, 3)), 5 * rng.normal(size=(n, 3))
-    )
+    state = State(np.tile([0, 0, 1.0], (n, 1)), quats, rng.normal(size=(n, 3)), 5 * rng.normal(size=(n, 3)))
     run = simulate(scene, state, 3.0)
-    assert (np.diff(run.energy, axis=0).max() <= 3e-5 * run.energy[0].max()), "energy rose"
+    assert np.diff(run.energy, axis=0).max() <= 3e-5 * run.energy[0].max(), "energy rose"
     for i in range(0, len(run.t), 10):
         past = State(run.x[i], run.quat[i], run.v[i], run.w[i])
         assert scene.gap(past).min() > -2e-6

@@ -4,8 +4,9 @@ import json as json_module
 import os
 import sys
 import time
+from collections.abc import Callable
 from pathlib import Path
-from typing import Annotated, Literal
+from typing import Annotated, Any, Literal
 
 import tyro
 from tqdm import tqdm
@@ -88,7 +89,8 @@ def evaluate(
         seed: of the first start.
         json: print JSON.
     """
-    from .evaluate import UNSEEN, evaluate as run
+    from .evaluate import UNSEEN
+    from .evaluate import evaluate as run
 
     result = run(load_policy(policy), start, episodes, UNSEEN if seed is None else seed)
     if json:
@@ -166,13 +168,11 @@ def chart(
 
     if data is None:
         folder = os.environ.get("FLIPCAR_DATA")
-        if folder is None:
+        if not folder:
             raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
         data = Path(folder) / "cube_tosses.npz"
     loaded = tosses.load(data)
-    result = tosses.summary(
-        tqdm(tosses.errors(loaded), total=len(loaded.frames), unit="toss", disable=json)
-    )
+    result = tosses.summary(tqdm(tosses.errors(loaded), total=len(loaded.frames), unit="toss", disable=json))
     if json:
         print(json_module.dumps(result))
     else:
@@ -226,7 +226,7 @@ def _play(policy: str, kinds: list[str], seed: int, state: Path | None) -> list:
     return [run(env, drive, seed + i, option, policy) for i, option in enumerate(options)]
 
 
-COMMANDS = {
+COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": demo,
     "train": train,
     "eval": evaluate,
@@ -245,9 +245,7 @@ def main(arguments: list[str] | None = None) -> None:
         print(f"flipcar {flipcar_env.__version__}")
         return
     try:
-        tyro.extras.subcommand_cli_from_dict(
-            COMMANDS, prog="flipcar", description=__doc__, args=arguments
-        )
+        tyro.extras.subcommand_cli_from_dict(COMMANDS, prog="flipcar", description=__doc__, args=arguments)
     except (ValueError, OSError, RuntimeError) as error:
         sys.exit(f"flipcar: {error}")
     except KeyboardInterrupt:

@@ -6,7 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from flipcar_env import row as r, task
+from flipcar_env import row as r
+from flipcar_env import task
 from flipcar_env.env import Core
 
 UNSEEN = 1_000_000_000

@@ -71,8 +71,8 @@ def train(config: Config) -> Path:
     settings = {**asdict(config), "out": str(out), "versions": versions}
     (out / "config.json").write_text(json.dumps(settings, indent=2) + "\n")
 
-    env = FlipCarVecEnv(config.num_envs, start=config.start)
-    env = VecNormalize(env, gamma=config.gamma, clip_obs=1e6)  # unclipped, so that it folds
+    cars = FlipCarVecEnv(config.num_envs, start=config.start)
+    env = VecNormalize(cars, gamma=config.gamma, clip_obs=1e6)  # unclipped, so that it folds
     model = PPO(
         "MlpPolicy",
         env,

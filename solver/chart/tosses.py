@@ -6,6 +6,7 @@ Rotation error: the mean angle between the two attitudes, in degrees.
 
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -61,7 +62,7 @@ def load(path: str | Path) -> Tosses:
             state = data["state"].astype(np.float64)
             offsets = data["offsets"]
             return Tosses(
-                frames=[state[a:b] for a, b in zip(offsets[:-1], offsets[1:], strict=True)],
+                frames=[state[a:b] for a, b in pairwise(offsets)],
                 dt=float(data["dt"]),
                 half_width=float(data["half_width"]),
                 mass=float(data["mass"]),
