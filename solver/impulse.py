@@ -36,8 +36,8 @@ from .algebra import (
     vec,
     vec2,
 )
-from .contact import centripetal, gyroscopic
 from .flight import spin
+from .kick import close, frame_in_body, hold, prepare
 from .model import (
     CLOSED,
     LATE,
@@ -45,7 +45,6 @@ from .model import (
     OK,
     OPEN,
     TOUCH,
-    arm,
     closing_speed,
     gap,
     height_over,
@@ -56,19 +55,11 @@ from .model import (
 )
 from .sweep import (
     POINT,
-    SLIP,
-    STILL,
-    STRIKE_SWEEPS,
     TARGET,
     TURN,
     WIDTH,
     K,
     P,
-    agree,
-    apply,
-    fill,
-    holds,
-    stick,
     strike,
     velocity,
     world_impulse,
@@ -80,14 +71,6 @@ slower, a contact stays closed. Otherwise a ball would bounce for ever within on
 
 MAX_IMPACTS = 3
 """A step. What is left of it then goes by one plastic step."""
-
-ON_CONE = 0.999
-"""A force that fills so much of its cone slides; then sweeping is quicker than trying to stick."""
-
-SWEEPS = 12
-AGREED = 1e-5
-"""Of g h: how well the sweeps of sustained contacts agree. What is left is taken up by the next
-step, which starts from this one's forces."""
 
 WHOLE = 0.25
 """Of a step: a shorter piece leaves the warm start alone, its forces say little about the next."""
@@ -111,24 +94,6 @@ def drift(body, x, quat, v, w, h):
 
 
 @jit
-def frame_in_body(plane, R):
-    """(N, t1, t2) in body axes."""
-    return to_body(R, plane[0]), to_body(R, plane[1]), to_body(R, plane[2])
-
-
-@jit
-def prepare(body, hull, plane, mu, frame_b, k, v, w, rows, c):
-    """Fill row c for hull point k, with the slip before any impulse. Returns (u, b, q)."""
-    frame = (plane[0], plane[1], plane[2])
-    b, q = arm(hull, k, frame_b[0])
-    fill(rows, c, k, body[1], body[3], mu, frame, frame_b, q)
-    u = velocity(rows, c, mu, v, w)
-    rows[c, SLIP] = u[1]
-    rows[c, SLIP + 1] = u[2]
-    return u, b, q
-
-
-@jit
 def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h):
     """Half a drift, all impulses at the middle pose, half a drift.
 
@@ -138,65 +103,15 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
     Returns:
         (x, quat, v, w, n): the end of the step, and how many rows are filled.
     """
-    m, inv_m, J, inv_J, _bound = body
-    mu = law[0]
     half = 0.5 * h
     x, quat, w = drift(body, x, quat, v, w, half)
-    R = matrix(quat)
-    frame_b = frame_in_body(plane, R)
-
-    n = 0
-    slides = mu == 0.0
-    for k in range(hull.shape[0]):
-        if contacts[k, 0] != OPEN:
-            prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
-            F = vec2(contacts, k, 1)
-            if F[1] * F[1] + F[2] * F[2] >= ON_CONE * (mu * F[0]) ** 2 and F[0] > 0.0:
-                slides = True
-            n += 1
-
-    v0 = axpy(h, a, v)
-    w0 = axpy(h, times(inv_J, torque), w)
-    v1, w1 = v0, w0
+    n, slides = close(body, hull, plane, law[0], quat, v, w, contacts, rows)
+    v = axpy(h, a, v)
+    w = axpy(h, times(body[3], torque), w)
     if n > 0:
-        # first guess: the last step's forces; the targets need the spin that comes out
-        for c in range(n):
-            p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
-            put2(rows, c, P, p)
-            v1, w1 = apply(rows, c, inv_m, mu, p, v1, w1)
-        w_dot = gyroscopic(J, inv_J, w1)
-        for c in range(n):
-            k = int(rows[c, POINT])
-            if contacts[k, 0] == CLOSED:
-                b, q = arm(hull, k, frame_b[0])
-                aim = scale(-half, centripetal(w1, w_dot, b, q))
-                rows[c, TARGET] = dot(frame_b[0], aim)
-                rows[c, TARGET + 1] = dot(frame_b[1], aim)
-                rows[c, TARGET + 2] = dot(frame_b[2], aim)
-            else:
-                g = gap(hull, k, frame_b[0], height_over(plane, x))
-                put2(rows, c, TARGET, (-max(0.0, g) / half, 0.0, 0.0))
-        done = not slides and holds(rows, n, mu, v1, w1)
-        if n > 1 and not slides and not done:
-            done, v1, w1 = stick(rows, n, m, J, mu, R, frame_b, v0, w0)
-            if not done:
-                v1, w1 = v0, w0
-                for c in range(n):
-                    p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
-                    put2(rows, c, P, p)
-                    v1, w1 = apply(rows, c, inv_m, mu, p, v1, w1)
-        if not done:
-            scale_v = h * sqrt(dot(a, a))
-            v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, max(STILL, AGREED * scale_v))
-            if change > scale_v:  # the first guess was worse than none
-                for c in range(n):
-                    put2(rows, c, P, (0.0, 0.0, 0.0))
-                v1, w1, change = agree(
-                    rows, n, inv_m, mu, 1.0, v0, w0, STRIKE_SWEEPS, max(STILL, AGREED * scale_v)
-                )
-
-    x, quat, w1 = drift(body, x, quat, v1, w1, half)
-    return x, quat, v1, w1, n
+        v, w = hold(body, hull, plane, law[0], a, x, quat, v, w, contacts, rows, n, slides, h)
+    x, quat, w = drift(body, x, quat, v, w, half)
+    return x, quat, v, w, n
 
 
 # The same, called rather than copied where speed matters less.
