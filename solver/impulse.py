@@ -78,12 +78,12 @@ WHOLE = 0.25
 NOTHING = (0.0, 0.0, 0.0)
 
 MAX_LOCATE = 40
-MAX_ROUNDS = 4
+MAX_ROUNDS = 8
 MAX_PROJECT = 8
-SHARED_PROJECT = 2
-"""Passes over several points, which disturb one another; the next step goes on with what is left."""
-
 GAP_TOLERANCE = 1e-13
+SHARED_TOLERANCE = 1e-8
+"""m: a pass over several points, which disturb one another, is the last if it began with less; the
+next step goes on with what is left."""
 
 
 @jit
@@ -193,11 +193,15 @@ def commit(rows, n, mu, contacts, push, h, whole):
         True if a contact opened.
     """
     opened = False
+    typical = h >= WHOLE * whole
+    for c in range(n):
+        # stopping a LATE point loads the others as well: such forces would mislead the next step
+        typical = typical and contacts[int(rows[c, POINT]), 0] != LATE
     for c in range(n):
         k = int(rows[c, POINT])
         add_to(push, k, world_impulse(rows, c, mu))
         if contacts[k, 0] == CLOSED and rows[c, P] > 0.0:
-            if h >= WHOLE * whole:
+            if typical:
                 put2(contacts, k, 1, scale(1.0 / h, vec2(rows, c, P)))
         else:
             remember(contacts, k, OPEN, NOTHING)
@@ -221,7 +225,8 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
     lift = 0.0
     turn = (0.0, 0.0, 0.0)
     moved = False
-    for _ in range(MAX_PROJECT if n == 1 else SHARED_PROJECT):
+    tolerance = GAP_TOLERANCE if n == 1 else SHARED_TOLERANCE
+    for _ in range(MAX_PROJECT):
         worst = 0.0
         for c in range(n):
             k = int(rows[c, POINT])
@@ -233,7 +238,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
                 turn = axpy(p, vec2(rows, c, TURN), turn)
                 up = axpy(1.0, cross(N_b, turn), N_b)
                 moved = True
-        if worst <= GAP_TOLERANCE:
+        if worst <= tolerance:
             break
     if moved:
         x = axpy(lift, N, x)
@@ -243,10 +248,11 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
 
 
 @stage
-def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, depth, k):
+def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h, depth, k):
     """Time of the first touch within (0, h]: Newton on the step map, from the right, in a bracket.
 
-    `depth` is the gap (< 0) of the deepest open point at h, and k that point; the rest is `advance`'s.
+    `end` is where `advance` comes to at h, `depth` the gap (< 0) of the deepest open point there, and k
+    that point; the rest is `advance`'s.
 
     Returns:
         (t, x, quat, v, w, n): the end of a step of t seconds at which no open point is below the
@@ -254,7 +260,7 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h, 
     """
     lo, hi = 0.0, h
     t = h
-    x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t)
+    x1, quat1, v1, w1, n = end
     for _ in range(MAX_LOCATE):
         speed = closing_speed(hull, k, plane, matrix(quat1), v1, w1)
         t_next = t - depth / speed if speed < 0.0 else 0.5 * (lo + hi)
@@ -356,7 +362,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
                 if impact < MAX_IMPACTS:
                     t, x1, quat1, v1, w1, n = locate(
                         body, hull, plane, law, a, torque,
-                        x, quat, v, w, contacts, rows, rest, clear, k,
+                        x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, rest, clear, k,
                     )  # fmt: skip
                 else:
                     x1, quat1, v1, w1, n = plastic(

@@ -4,7 +4,7 @@ from .algebra import add, axpy, cross, dot, jit, put2, scale, stage, to_world, v
 from .friction import inverse_symmetric
 from .sweep import R_, TARGET, P, Q, velocity
 
-STILL = 1e-12
+STILL = 1e-11
 """m/s: contacts this near their targets are left as they are."""
 
 EPSILON = 1e-5
