@@ -29,7 +29,6 @@ BANK = 64
 
 _SETTLE_TIME = 12.0  # s
 _STILL = 1e-3  # m/s and rad/s
-_DRAWS = 32  # random numbers one start uses at most
 
 
 @jit
@@ -59,7 +58,7 @@ def _lowest(hull, quat):
 
 @jit
 def _pose(kind, hull, bank, n):
-    """(quat, height of the centre of mass, v, w) of a start; n(i) are its random numbers' arguments."""
+    """(quat, height of the centre of mass, v, w) of a start; n is (key's halves, episode)."""
     high, low, episode = n
     yaw = chance.between(-math.pi, math.pi, high, low, episode, 1)
     nudge = (
