@@ -113,9 +113,9 @@ class Core:
             "work": values[task.WORK],
             "tilt": values[task.TILT],
             "n_contacts": int(values[task.N_CONTACTS]),
-            "reward_terms": dict(zip(reward.TERMS, values, strict=False)),
+            "reward_terms": dict(zip(reward.TERMS, values)),  # noqa: B905 (the terms come first)
         }
-        if info["is_success"]:
+        if values[task.SUCCESS]:
             info["time_to_upright"] = float(self.rows[i, r.STEPS]) * self.control_dt
         if values[task.FAILED]:
             info["solver_error"] = "the state was no longer finite; the last good one was kept"
