@@ -72,7 +72,9 @@ class Core:
             int(np.ceil(reward.HOLD_TIME / control_dt - 1e-9)),
             obs == "egocentric",
         )
-        self.bank = starts.settled_bank(self.model.tobytes())
+        settling = self.model.copy()
+        settling[r.EGOCENTRIC] = 0.0  # what is seen does not change how the car settles
+        self.bank = starts.settled_bank(settling.tobytes())
         self.rows = np.zeros((n, r.width(self.points)))
         self.out = task.results(n)
         self.push = np.zeros((n, self.points, 3))
