@@ -167,16 +167,22 @@ def to_body(R, a):
 
 
 @jit
+def product(a, b):
+    """The quaternion product a b: the attitude b, then a."""
+    return (
+        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
+        a[1] * b[0] + a[0] * b[1] + a[2] * b[3] - a[3] * b[2],
+        a[2] * b[0] + a[0] * b[2] + a[3] * b[1] - a[1] * b[3],
+        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+    )
+
+
+@jit
 def turned(quat, e):
     """The attitude `quat`, then turned by 2 arctan|e| about the body axis e (Cayley), renormalised.
 
     e in body axes. The result's norm is 1 to rounding, whatever the norm of `quat` had drifted to.
     """
-    w, x, y, z = quat
-    a, b, c = e
-    w1 = w - x * a - y * b - z * c
-    x1 = x + w * a + y * c - z * b
-    y1 = y + w * b + z * a - x * c
-    z1 = z + w * c + x * b - y * a
-    s = 1.0 / sqrt(w1 * w1 + x1 * x1 + y1 * y1 + z1 * z1)
-    return (w1 * s, x1 * s, y1 * s, z1 * s)
+    w, x, y, z = product(quat, (1.0, e[0], e[1], e[2]))
+    s = 1.0 / sqrt(w * w + x * x + y * y + z * z)
+    return (w * s, x * s, y * s, z * s)

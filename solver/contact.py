@@ -18,8 +18,12 @@ from .algebra import axpy, cross, dot, jit, scale, times
 
 @jit
 def gyroscopic(J, inv_J, w):
-    """ẇ = −J⁻¹ (w × J w): what the spin does to itself (the free part of Eq. 2), rad/s²."""
-    return times(inv_J, cross(times(J, w), w))
+    """ẇ = −J⁻¹ (w × J w): what the spin does to itself (the free part of Eq. 2, Euler's), rad/s²."""
+    return (
+        (J[1] - J[2]) * inv_J[0] * (w[1] * w[2]),
+        (J[2] - J[0]) * inv_J[1] * (w[2] * w[0]),
+        (J[0] - J[1]) * inv_J[2] * (w[0] * w[1]),
+    )
 
 
 @jit
