@@ -75,9 +75,14 @@ MAX_IMPACTS = 3
 WHOLE = 0.25
 """Of a step: a shorter piece leaves the warm start alone, its forces say little about the next."""
 
+TOGETHER = 5e-8
+"""m: points this near when another has come down strike with it. Two points of an edge that swings
+about two others come down together, but for what `project` leaves."""
+
 NOTHING = (0.0, 0.0, 0.0)
 
 MAX_LOCATE = 40
+MAX_CUBIC = 6
 MAX_ROUNDS = 8
 MAX_PROJECT = 8
 GAP_TOLERANCE = 1e-13
@@ -132,10 +137,10 @@ def lowest_open(hull, plane, quat, x, contacts):
 
 
 @stage
-def collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push):
+def collide(body, hull, plane, law, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
-    Points that touch and do not leave are closed afterwards.
+    Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
     """
     m, inv_m, J, _inv_J, _bound = body
     mu, e = law
@@ -143,7 +148,7 @@ def collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push):
     height = height_over(plane, x)
     arrives = False
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN and abs(gap(hull, k, frame_b[0], height)) <= TOUCH:
+        if contacts[k, 0] == OPEN and gap(hull, k, frame_b[0], height) <= touch:
             arrives = True
     if not arrives:
         return v, w
@@ -152,7 +157,7 @@ def collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push):
     struck = False
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] == CLOSED
-        if closed or abs(gap(hull, k, frame_b[0], height)) <= TOUCH:
+        if closed or gap(hull, k, frame_b[0], height) <= touch:
             u, _b, _q = prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
             put2(rows, n, TARGET, (0.0, 0.0, 0.0))
             if not closed:
@@ -247,9 +252,26 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
     return x, quat, w
 
 
+@jit
+def descent(g0, s0, g1, s1, h):
+    """About when in (0, h) a gap closes that is g0 and changes at s0 first, g1 < 0 and s1 last.
+
+    By the cubic through all four.
+    """
+    c2 = 3.0 * (g1 - g0) - h * (2.0 * s0 + s1)
+    c3 = 2.0 * (g0 - g1) + h * (s0 + s1)
+    u = g0 / (g0 - g1)
+    for _ in range(MAX_CUBIC):
+        slope = h * s0 + u * (2.0 * c2 + u * 3.0 * c3)
+        if slope >= 0.0:
+            break
+        u = min(1.0, max(0.0, u - (g0 + u * (h * s0 + u * (c2 + u * c3))) / slope))
+    return u * h
+
+
 @stage
 def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h, depth, k):
-    """Time of the first touch within (0, h]: Newton on the step map, from the right, in a bracket.
+    """Time of the first touch within (0, h]: Newton on the step map, in a bracket, from a cubic guess.
 
     `end` is where `advance` comes to at h, `depth` the gap (< 0) of the deepest open point there, and k
     that point; the rest is `advance`'s.
@@ -261,13 +283,15 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows
     lo, hi = 0.0, h
     t = h
     x1, quat1, v1, w1, n = end
+    R = matrix(quat)
+    g0 = gap(hull, k, to_body(R, plane[0]), height_over(plane, x))
+    s0 = closing_speed(hull, k, plane, R, v, w)
+    t_next = descent(g0, s0, depth, closing_speed(hull, k, plane, matrix(quat1), v1, w1), h)
     for _ in range(MAX_LOCATE):
-        speed = closing_speed(hull, k, plane, matrix(quat1), v1, w1)
-        t_next = t - depth / speed if speed < 0.0 else 0.5 * (lo + hi)
         if not lo < t_next < hi:
             t_next = 0.5 * (lo + hi)
-        if t_next == lo or t_next == hi:
-            break
+            if t_next == lo or t_next == hi:
+                break
         t = t_next
         x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t)
         k, depth = lowest_open(hull, plane, quat1, x1, contacts)
@@ -277,6 +301,8 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows
             hi = t
         else:
             lo = t
+        speed = closing_speed(hull, k, plane, matrix(quat1), v1, w1)
+        t_next = t - depth / speed if speed < 0.0 else lo
     return t, x1, quat1, v1, w1, n
 
 
@@ -352,7 +378,8 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
     rest = h
     for impact in range(MAX_IMPACTS + 1):
         if clear <= TOUCH:
-            v, w = collide(body, hull, plane, law, slow, x, quat, v, w, contacts, rows, push)
+            touch = TOUCH if impact == 0 else TOGETHER
+            v, w = collide(body, hull, plane, law, slow, touch, x, quat, v, w, contacts, rows, push)
         x1, quat1, v1, w1, n = advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest)
         t = rest
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)

@@ -18,7 +18,7 @@ ON_CONE = 0.999
 """A force that fills so much of its cone slides; then sweeping is quicker than trying to stick."""
 
 SWEEPS = 12
-AGREED = 1e-5
+AGREED = 1e-4
 """Of g h: how well the sweeps agree. What is left is taken up by the next step, which starts from
 this one's forces."""
 

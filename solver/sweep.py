@@ -8,6 +8,7 @@ numbers here; the solver owns one array of rows and fills the first so many.
 from math import sqrt
 
 from .algebra import (
+    add,
     axpy,
     cross,
     dot,
@@ -34,7 +35,10 @@ SLIP = 43  # tangential velocity before the impulse, m/s
 P = 45  # impulse, N s
 Q = 48  # from x to the contact point, body axes, m
 R_ = 51  # residual velocity, m/s
-WIDTH = 54
+STEP = 54  # what the last sweep changed of P, N s
+WIDTH = 57
+
+LIMIT = 0.9
 
 STRIKE_SWEEPS = 60
 STRIKE_TOLERANCE = 1e-8
@@ -135,8 +139,10 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
         last sweep still changed, m/s.
     """
     change = 0.0
-    for _ in range(sweeps):
+    fresh = False
+    for sweep in range(sweeps):
         change = 0.0
+        same, square = 0.0, 0.0
         for c in range(n):
             p = vec2(rows, c, P)
             u = velocity(rows, c, mu, v, w)
@@ -162,10 +168,26 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
             put2(rows, c, P, p_new)
             v, w = apply(rows, c, inv_m, mu, dp, v, w)
             change = max(change, abs(dp[0]) * k[0] + abs(dp[1]) * k[3] + abs(dp[2]) * k[5])
+            before = vec2(rows, c, STEP)
+            put2(rows, c, STEP, dp)
+            same += dot(dp, before)
+            square += dot(before, before)
         if n == 1:
             change = 0.0
         if change < tolerance:
             break
+        if not fresh or sweep == sweeps - 1:
+            fresh = True
+        elif same > LIMIT * square:
+            if change < 1e-3:
+                break
+        elif same > 0.0:
+            s = same / (square - same)
+            for c in range(n):
+                dp = scale(s, vec2(rows, c, STEP))
+                put2(rows, c, P, add(dp, vec2(rows, c, P)))
+                v, w = apply(rows, c, inv_m, mu, dp, v, w)
+            fresh = False
     return v, w, change
 
 
