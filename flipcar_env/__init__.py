@@ -9,4 +9,5 @@ __version__ = "0.1.0"
 __all__ = ["FlipCarEnv", "load_policy"]
 
 if "FlipCar-v0" not in registry:
-    register(id="FlipCar-v0", entry_point="flipcar_env.env:FlipCarEnv")
+    # The environment itself refuses a step before the first reset.
+    register(id="FlipCar-v0", entry_point="flipcar_env.env:FlipCarEnv", order_enforce=False)

@@ -9,10 +9,11 @@ from gymnasium import spaces
 from solver import METHODS, Plane
 from solver.errors import finite, number, one_of
 from solver.scene import UNIT_TOLERANCE
-from solver.sweep import WIDTH as CONTACT_ROW
 
 from . import car, observe, reward, starts, task
 from . import row as r
+from .reward import TERMS
+from .row import REWARD, TERMINATED, TRUNCATED
 
 GRAVITY = 9.81
 EPISODE_TIME = 10.0
@@ -76,11 +77,10 @@ class Core:
         settling[r.EGOCENTRIC] = 0.0  # what is seen does not change how the car settles
         self.bank = starts.settled_bank(settling.tobytes())
         self.rows = np.zeros((n, r.width(self.points)))
-        self.out = task.results(n)
-        self.push = np.zeros((n, self.points, 3))
-        self.scratch = np.zeros((self.points, CONTACT_ROW))
+        self.states = self.rows[:, : r.state_width(self.points)]
+        self.results = self.rows[:, r.results(self.points) :]
         self.observation_space = observe.space(obs)
-        self.obs_shape = (n, *self.observation_space.shape)
+        self.obs = np.zeros((n, *self.observation_space.shape), np.float32)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
 
     def set_key(self, i: int, seed: int) -> None:
@@ -95,51 +95,50 @@ class Core:
         self.rows[i, r.EPISODE] += 1
         starts.begin(self.model, self.bank, self.rows[i], kind)
 
-    def step(self, actions: np.ndarray) -> np.ndarray:
-        """One control step of all, from (n, 3) float32 actions. Returns fresh (n, k) observations.
+    def step(self, actions: np.ndarray) -> None:
+        """One control step of all, from (n, 3) float32 actions, into `rows` and `obs`.
 
         Raises:
             ValueError: an action is not finite; nothing has changed then.
         """
-        obs = np.empty(self.obs_shape, np.float32)
-        bad = task.step(self.model, self.rows, actions, obs, self.out, self.push, self.scratch)
+        bad = task.step(self.model, self.rows, actions, self.obs)
         if bad >= 0:
             raise ValueError(f"action must be finite, got {actions[bad].tolist()}")
-        return obs
 
-    def info(self, i: int, values: list[float]) -> dict[str, Any]:
-        """The info of environment i after a step, from its row of results."""
+    def info(self, i: int, results: list[float]) -> dict[str, Any]:
+        """The info of environment i after a step, from its results."""
+        # Names for all, once, and literals: anything neater costs as much as the physics.
+        progress, won, time, effort, _, _, _, success, energy, tilt, contacts, work, failed = results
         info = {
-            "is_success": values[task.SUCCESS] != 0.0,
-            "energy": values[task.ENERGY],
-            "work": values[task.WORK],
-            "tilt": values[task.TILT],
-            "n_contacts": int(values[task.N_CONTACTS]),
-            "reward_terms": dict(zip(reward.TERMS, values)),  # noqa: B905 (the terms come first)
+            "is_success": success != 0.0,
+            "energy": energy,
+            "work": work,
+            "tilt": tilt,
+            "n_contacts": int(contacts),
+            "reward_terms": {"progress": progress, "success": won, "time": time, "effort": effort},
         }
-        if values[task.SUCCESS]:
+        if success:
             info["time_to_upright"] = float(self.rows[i, r.STEPS]) * self.control_dt
-        if values[task.FAILED]:
+        if failed:
             info["solver_error"] = "the state was no longer finite; the last good one was kept"
         return info
 
     def start_info(self, i: int) -> dict[str, Any]:
         """The info of environment i after a reset."""
-        scrap = np.empty(self.obs_shape[1:], np.float32)
-        energy, tilt = task.look(self.model, self.rows[i], scrap)
+        energy, tilt = task.look(self.model, self.rows[i], np.empty_like(self.obs[i]))
         return {
             "is_success": False,
             "energy": energy,
             "work": float(self.rows[i, r.WORK]),
             "tilt": tilt,
             "n_contacts": 0,
-            "reward_terms": dict.fromkeys(reward.TERMS, 0.0),
+            "reward_terms": dict.fromkeys(TERMS, 0.0),
             "start": starts.KINDS[int(self.rows[i, r.START])],
         }
 
     def observation(self, i: int) -> np.ndarray:
         """Environment i's observation, freshly made."""
-        obs = np.empty(self.obs_shape[1:], np.float32)
+        obs = np.empty_like(self.obs[i])
         task.look(self.model, self.rows[i], obs)
         return obs
 
@@ -149,7 +148,7 @@ class Core:
         Raises:
             ValueError: wrong shape, not finite, or its quaternion is not a unit one.
         """
-        array = finite("state", state, (self.rows.shape[1],))
+        array = finite("state", state, (self.states.shape[1],))
         norm = float(np.linalg.norm(array[3:7]))
         if abs(norm - 1.0) > UNIT_TOLERANCE:
             raise ValueError(f"state's quaternion (entries 3 to 6) must have norm 1, got {norm:g}")
@@ -266,6 +265,8 @@ class FlipCarEnv(gym.Env):
         self.core = Core(1, start, terrain, obs, control_dt, substeps, method)
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
+        self._results = self.core.results[0]
+        self._obs = self.core.obs[0]
         self._started = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -288,29 +289,29 @@ class FlipCarEnv(gym.Env):
         if state is None:
             self.core.begin(0, start)
         else:
-            self.core.rows[0] = state
+            self.core.states[0] = state
         return self.core.observation(0), self.core.start_info(0)
 
     def step(self, action):
         """One control step. A non-finite action is refused and changes nothing."""
         if not self._started:
             raise gym.error.ResetNeeded("call reset() before step()")
-        action = np.asarray(action, dtype=np.float32)
+        action = np.asarray(action, np.float32)
         if action.shape != (3,):
             raise ValueError(f"action must have shape (3,), got {action.shape}")
-        obs = self.core.step(action.reshape(1, 3))
-        values = self.core.out[0].tolist()
+        self.core.step(action[None])
+        results = self._results.tolist()
         return (
-            obs[0],
-            values[task.REWARD],
-            values[task.TERMINATED] != 0.0,
-            values[task.TRUNCATED] != 0.0,
-            self.core.info(0, values),
+            self._obs.copy(),
+            results[REWARD],
+            results[TERMINATED] != 0.0,
+            results[TRUNCATED] != 0.0,
+            self.core.info(0, results),
         )
 
     def get_state(self) -> np.ndarray:
         """Everything that the future depends on, random stream and time included, as one array."""
-        return self.core.rows[0].copy()
+        return self.core.states[0].copy()
 
     def set_state(self, state: np.ndarray) -> None:
         """Go on from what `get_state` gave.
@@ -318,9 +319,11 @@ class FlipCarEnv(gym.Env):
         Raises:
             ValueError: it is not such an array; nothing has changed then.
         """
-        self.core.rows[0] = self.core.check_state(state)
+        self.core.states[0] = self.core.check_state(state)
         self._started = True
 
     def contact_impulses(self) -> np.ndarray:
         """(p, 3) impulse on each hull point over the last control step, world axes, N s."""
-        return self.core.push[0].copy()
+        points = self.core.points
+        push = self.core.rows[0, r.state_width(points) : r.results(points)]
+        return push.reshape(points, 3).copy()

@@ -1,13 +1,16 @@
-"""One environment as one row of numbers: everything that its future depends on.
+"""One environment as one row of numbers.
 
-A batch is a 2-D array of such rows; `get_state` and `set_state` copy one. What is the same for every
-row (the car, the ground, the task's settings) is packed in one flat array, the model, so that a
-compiled call takes few arguments.
+First its state: everything that its future depends on, which `get_state` and `set_state` copy. Then
+what the last control step made of it: each hull point's contact impulse, and the results. A batch is a
+2-D array of such rows. What is the same for every row (the car, the ground, the task's settings) is
+packed in one flat array, the model. So a compiled call takes few arguments, each of which would cost
+as much as a physics step.
 """
 
 import numpy as np
 
 from solver import Body, Plane
+from solver.algebra import jit
 from solver.model import MEMORY
 
 # Columns of a row.
@@ -21,9 +24,35 @@ START = 19  # kind of start, an index into `starts.KINDS`
 CONTACTS = 20  # the solver's memory of each hull point
 
 
+# Columns of the results, counted from their first.
+TERMS = 0  # reward terms, in the order of reward.TERMS
+REWARD = 4
+TERMINATED = 5
+TRUNCATED = 6
+SUCCESS = 7
+ENERGY = 8
+TILT = 9
+N_CONTACTS = 10
+TOTAL_WORK = 11
+FAILED = 12
+RESULTS = 13
+
+
+@jit
+def state_width(points: int) -> int:
+    """Length of the state, and where the (p, 3) contact impulses in world axes begin, N s."""
+    return CONTACTS + MEMORY * points
+
+
+@jit
+def results(points: int) -> int:
+    """Where the results begin."""
+    return state_width(points) + 3 * points
+
+
 def width(points: int) -> int:
     """Length of a row."""
-    return CONTACTS + MEMORY * points
+    return results(points) + RESULTS
 
 
 # Fields of the model.

@@ -7,7 +7,6 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
 from . import row as r
-from . import task
 from .env import Core
 
 
@@ -63,15 +62,16 @@ class FlipCarVecEnv(VecEnv):
     def step_wait(self):
         """One control step of all. Observations are fresh arrays each time."""
         core = self.core
-        obs = core.step(self._actions)
-        rewards = core.out[:, task.REWARD].astype(np.float32)
-        truncated = core.out[:, task.TRUNCATED] != 0.0
-        dones = truncated | (core.out[:, task.TERMINATED] != 0.0)
-        self._returns += core.out[:, task.REWARD]
+        core.step(self._actions)
+        obs = core.obs.copy()
+        rewards = core.results[:, r.REWARD].astype(np.float32)
+        truncated = core.results[:, r.TRUNCATED] != 0.0
+        dones = truncated | (core.results[:, r.TERMINATED] != 0.0)
+        self._returns += core.results[:, r.REWARD]
         infos: list[dict] = [{} for _ in range(self.num_envs)]
         for i in np.flatnonzero(dones).tolist():
             steps = int(core.rows[i, r.STEPS])
-            infos[i] = core.info(i, core.out[i].tolist())
+            infos[i] = core.info(i, core.results[i].tolist())
             infos[i]["terminal_observation"] = obs[i].copy()
             infos[i]["TimeLimit.truncated"] = bool(truncated[i])
             infos[i]["episode"] = {
@@ -118,7 +118,7 @@ class FlipCarVecEnv(VecEnv):
         return range(self.num_envs) if indices is None else super()._get_indices(indices)
 
     def _get_state(self, i: int) -> np.ndarray:
-        return self.core.rows[i].copy()
+        return self.core.states[i].copy()
 
     def _set_state(self, i: int, state: np.ndarray) -> None:
-        self.core.rows[i] = self.core.check_state(state)
+        self.core.states[i] = self.core.check_state(state)

@@ -5,11 +5,10 @@ from functools import cache
 
 import numpy as np
 
-from solver import impulse
 from solver.algebra import entry, jit, matrix, put, put_quat, to_body
-from solver.model import MEMORY, OPEN
+from solver.model import OPEN
 
-from . import chance
+from . import chance, observe, task
 from . import row as r
 
 KINDS = ("roof", "side", "nose", "drop", "crash", "upright")
@@ -169,27 +168,22 @@ def settled_bank(packed_model: bytes) -> np.ndarray:
     Args:
         packed_model: the model's bytes (so that the bank is made once for each).
     """
-    model = np.frombuffer(packed_model)
-    hull = np.ascontiguousarray(model[r.HULL :].reshape(-1, 4))
-    points = len(hull)
-    body, plane, law = model[r.BODY : r.PLANE], model[r.PLANE : r.LAW], model[r.LAW : r.GRAVITY]
-    g = np.array([0.0, 0.0, -model[r.GRAVITY]])
-    h = model[r.CONTROL_DT] / model[r.SUBSTEPS]
+    model = np.frombuffer(packed_model).copy()  # one that may be written to: else it compiles twice
+    points = model[r.HULL :].size // 4
     bank = np.empty((2, BANK, 4))
-    row = np.zeros(r.width(points))
+    rows = np.zeros((1, r.width(points)))
+    actions = np.zeros((1, 3), np.float32)
+    obs = np.empty((1, *observe.space("state").shape), np.float32)
     for kind in (_ROOF, _SIDE):
         found, index = 0, 0
         while found < BANK:
-            _lay_down(model, row, kind, index)
+            _lay_down(model, rows[0], kind, index)
             index += 1
             if index > 20 * BANK:
                 raise RuntimeError(f"the car hardly ever settles on its {KINDS[kind]}")
-            motion = row[r.MOTION : r.STEPS]
-            impulse.run(
-                body, hull, plane, law, g, np.zeros(3), motion,
-                row[r.CONTACTS :].reshape(points, MEMORY), np.zeros(points), np.zeros(1),
-                h, round(_SETTLE_TIME / h),
-            )  # fmt: skip
+            for _ in range(round(_SETTLE_TIME / model[r.CONTROL_DT])):
+                task.step(model, rows, actions, obs)
+            motion = rows[0, r.MOTION : r.STEPS]
             cos_tilt = 1.0 - 2.0 * (motion[4] ** 2 + motion[5] ** 2)
             lies = cos_tilt < -0.5 if kind == _ROOF else abs(cos_tilt) < 0.5
             if lies and np.abs(motion[7:]).max() < _STILL:

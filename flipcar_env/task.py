@@ -7,23 +7,11 @@ import numpy as np
 from solver import impulse
 from solver.algebra import borrowed, dot, entry, jit, put, vec
 from solver.model import MEMORY, is_finite, load, store, unpack
+from solver.sweep import WIDTH as CONTACT_ROW
 from solver.sweep import kinetic_energy
 
 from . import observe, reward
 from . import row as r
-
-# Columns of a step's results.
-TERMS = 0  # reward terms, in the order of reward.TERMS
-REWARD = 4
-TERMINATED = 5
-TRUNCATED = 6
-SUCCESS = 7
-ENERGY = 8
-TILT = 9
-N_CONTACTS = 10
-WORK = 11
-FAILED = 12
-WIDTH = 13
 
 
 @jit
@@ -50,7 +38,7 @@ def energy(model, x, v, w):
 
 
 @jit
-def step_row(model, hull, row, action, obs, out, push, scratch):
+def step_row(model, hull, row, action, obs, scratch):
     """One control step of one environment."""
     body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
     law = (model[r.LAW], model[r.LAW + 1])
@@ -58,7 +46,9 @@ def step_row(model, hull, row, action, obs, out, push, scratch):
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps
     points = hull.shape[0]
-    contacts = borrowed(row[r.CONTACTS :].reshape(points, MEMORY))
+    contacts = borrowed(row[r.CONTACTS : r.state_width(points)].reshape(points, MEMORY))
+    push = borrowed(row[r.state_width(points) : r.results(points)].reshape(points, 3))
+    out = borrowed(row[r.results(points) :])
 
     # actuate
     act = (
@@ -108,32 +98,29 @@ def step_row(model, hull, row, action, obs, out, push, scratch):
     row[r.HELD] = row[r.HELD] + 1.0 if still else 0.0
     success = row[r.HELD] >= model[r.HOLD_STEPS]
     terms = reward.terms(before, after, success, act)
-    put(out, TERMS, (terms[0], terms[1], terms[2]))
-    out[TERMS + 3] = terms[3]
-    out[REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
+    put(out, r.TERMS, (terms[0], terms[1], terms[2]))
+    out[r.TERMS + 3] = terms[3]
+    out[r.REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
     far = x[0] * x[0] + x[1] * x[1] > observe.FIELD * observe.FIELD
-    out[TERMINATED] = success
-    out[TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
-    out[SUCCESS] = success
-    out[ENERGY] = energy(model, x, v, w)
-    out[TILT] = reward.tilt(after)
-    out[N_CONTACTS] = wheels_down + others_down
-    out[WORK] = work
-    out[FAILED] = failed
+    out[r.TERMINATED] = success
+    out[r.TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
+    out[r.SUCCESS] = success
+    out[r.ENERGY] = energy(model, x, v, w)
+    out[r.TILT] = reward.tilt(after)
+    out[r.N_CONTACTS] = wheels_down + others_down
+    out[r.TOTAL_WORK] = work
+    out[r.FAILED] = failed
 
 
 @entry
-def step(model, rows, actions, obs, out, push, scratch):
+def step(model, rows, actions, obs):
     """One control step of n environments, in place; none if an action is not finite.
 
     Args:
         model: what they share (`row.model`).
-        rows: (n, row.width) their states.
+        rows: (n, row.width).
         actions: (n, 3) float32, clipped to [-1, 1] here.
         obs: (n, k) float32, filled.
-        out: (n, WIDTH) filled.
-        push: (n, p, 3) filled with each hull point's contact impulse in world axes, N s.
-        scratch: (p, sweep.WIDTH).
 
     Returns:
         -1, or the first environment whose action is not finite: then nothing has been done.
@@ -142,10 +129,11 @@ def step(model, rows, actions, obs, out, push, scratch):
         if not 0.0 * (actions[i, 0] + actions[i, 1] + actions[i, 2]) == 0.0:
             return i
     hull = borrowed(model[r.HULL :].reshape(-1, 4))
+    scratch = np.empty((hull.shape[0], CONTACT_ROW))
     for i in range(rows.shape[0]):
         step_row(
             borrowed(model), hull, borrowed(rows[i]), borrowed(actions[i]), borrowed(obs[i]),
-            borrowed(out[i]), borrowed(push[i]), borrowed(scratch),
+            borrowed(scratch),
         )  # fmt: skip
     return -1
 
@@ -156,8 +144,3 @@ def look(model, row, obs):
     observe_row(model, row, obs)
     x, quat, v, w = load(row)
     return energy(model, x, v, w), reward.tilt(cos_tilt(quat))
-
-
-def results(n: int) -> np.ndarray:
-    """Room for a step's results."""
-    return np.zeros((n, WIDTH))

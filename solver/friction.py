@@ -12,7 +12,7 @@ from .algebra import jit, stage
 
 MAX_NEWTON = 12
 CLOSE = 1e-7
-"""rad; Newton's steps shrink quadratically, so the one after this would change nothing."""
+"""Of the tangent; Newton's steps shrink quadratically, so the next would change nothing."""
 
 SCAN = 32
 """Directions tried where Newton finds no slip direction."""
@@ -32,40 +32,59 @@ def inverse_symmetric(K):
 
 
 @jit
-def _slip(K, mu, b_n, r1, r2, s1, s2):
-    """Of slip direction s: p_n (Eq. 11), the slip it leads to, along s and across, and d(across)/dθ."""
-    k_s = K[1] * s1 + K[2] * s2
-    D = K[0] - mu * k_s
+def _turned(K, s1, s2):
+    """K with the tangents turned, so that (s1, s2) is the first of them."""
+    cc, cs, ss = s1 * s1, s1 * s2, s2 * s2
+    return (
+        K[0],
+        K[1] * s1 + K[2] * s2,
+        K[2] * s1 - K[1] * s2,
+        K[3] * cc + 2.0 * K[4] * cs + K[5] * ss,
+        (K[5] - K[3]) * cs + K[4] * (cc - ss),
+        K[3] * ss - 2.0 * K[4] * cs + K[5] * cc,
+    )
+
+
+@jit
+def _slip(K, mu, b_n, r1, r2):
+    """If it slips along the first tangent: D, p_n (both Eq. 11), and the slip that leads to."""
+    D = K[0] - mu * K[1]
     p_n = -b_n / D
-    e1 = K[1] - mu * (K[3] * s1 + K[4] * s2)
-    e2 = K[2] - mu * (K[4] * s1 + K[5] * s2)
-    w1 = r1 + p_n * e1
-    w2 = r2 + p_n * e2
-    along = s1 * w1 + s2 * w2
-    across = s1 * w2 - s2 * w1
-    k_across = K[2] * s1 - K[1] * s2
-    e_across = s1 * e2 - s2 * e1
-    # K_tt s⊥, across: what turning s does to the friction itself.
-    tt = K[3] * s2 * s2 - 2.0 * K[4] * s1 * s2 + K[5] * s1 * s1
-    slope = -along + p_n * mu * (k_across / D * e_across - tt)
-    return D, p_n, along, across, slope
+    return D, p_n, r1 + p_n * (K[1] - mu * K[3]), r2 + p_n * (K[2] - mu * K[4])
 
 
 @jit
 def _newton(K, mu, b_n, r1, r2, s1, s2):
-    """Slip direction at which slip is along itself, from a guess. (found, p_n, s1, s2)."""
+    """Slip direction at which slip is along itself, near a guess. (found, p_n, s1, s2).
+
+    The slip across its direction, times D, has no division in it. Written with the tangent t of half
+    the angle from the guess, it is a polynomial of fourth degree over (1 + t²)².
+    """
+    K = _turned(K, s1, s2)
+    along, across = r1 * s1 + r2 * s2, r2 * s1 - r1 * s2
+    n1, n2 = K[1], K[2]
+    # D (1 + t²), the part of the slip that friction does not change, and what friction adds
+    d0, d1, d2 = K[0] - mu * n1, -2.0 * mu * n2, K[0] + mu * n1
+    difference, mixed = mu * (K[5] - K[3]), mu * K[4]
+    c0 = d0 * across - b_n * (n2 - mixed)
+    c1 = d1 * across - 2.0 * d0 * along + 2.0 * b_n * (n1 + difference)
+    c2 = (d2 - d0) * across - 2.0 * d1 * along - 6.0 * b_n * mixed
+    c3 = -d1 * across - 2.0 * d2 * along + 2.0 * b_n * (n1 - difference)
+    c4 = -d2 * across + b_n * (n2 + mixed)
+    t = 0.0
     for _ in range(MAX_NEWTON):
-        D, p_n, along, across, slope = _slip(K, mu, b_n, r1, r2, s1, s2)
-        if not (D > 0.0 and slope < 0.0):
-            return False, p_n, s1, s2
-        d = min(1.0, max(-1.0, -across / slope))
-        s1, s2 = s1 - d * s2, s2 + d * s1
-        n = 1.0 / sqrt(s1 * s1 + s2 * s2)
-        s1 *= n
-        s2 *= n
+        slope = c1 + t * (2.0 * c2 + t * (3.0 * c3 + t * 4.0 * c4))
+        if not slope < 0.0:
+            return False, 0.0, s1, s2
+        d = (c0 + t * (c1 + t * (c2 + t * (c3 + t * c4)))) / slope
+        t -= min(0.5, max(-0.5, d))
         if abs(d) < CLOSE:
-            D = K[0] - mu * (K[1] * s1 + K[2] * s2)
-            return along >= 0.0 and D > 0.0, -b_n / D, s1, s2
+            s = 1.0 / (1.0 + t * t)
+            c, s = (1.0 - t * t) * s, 2.0 * t * s
+            D, p_n, slip, _across = _slip(
+                _turned(K, c, s), mu, b_n, c * along + s * across, c * across - s * along
+            )
+            return slip >= 0.0 and D > 0.0, p_n, c * s1 - s * s2, c * s2 + s * s1
     return False, 0.0, s1, s2
 
 
@@ -136,7 +155,9 @@ def _scan(K, mu, b_n, r1, r2):
     best1, best2 = 1.0, 0.0
     s1, s2 = 1.0, 0.0
     for _ in range(SCAN):
-        D, _p, along, across, _slope = _slip(K, mu, b_n, r1, r2, s1, s2)
+        D, _p, along, across = _slip(
+            _turned(K, s1, s2), mu, b_n, r1 * s1 + r2 * s2, r2 * s1 - r1 * s2
+        )
         n = sqrt(along * along + across * across)
         if D > 0.0 and n > 0.0 and along / n > best:
             best = along / n

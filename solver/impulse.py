@@ -226,29 +226,33 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
     R = matrix(quat)
     N_b = to_body(R, N)
     height = height_over(plane, x)
+    tolerance = GAP_TOLERANCE if n == 1 else SHARED_TOLERANCE
+    worst = 0.0
+    for c in range(n):
+        k = int(rows[c, POINT])
+        g = gap(hull, k, N_b, height)
+        worst = max(worst, abs(g) if contacts[k, 0] == CLOSED else -g)
+    if worst <= (GAP_TOLERANCE if n == 1 else 0.5 * TOUCH):
+        return x, quat, w
     up = N_b
     lift = 0.0
     turn = (0.0, 0.0, 0.0)
-    moved = False
-    tolerance = GAP_TOLERANCE if n == 1 else SHARED_TOLERANCE
     for _ in range(MAX_PROJECT):
         worst = 0.0
         for c in range(n):
             k = int(rows[c, POINT])
             g = gap(hull, k, up, height + lift)
-            if abs(g) > GAP_TOLERANCE and (g < 0.0 or contacts[k, 0] == CLOSED):
+            if g < 0.0 or contacts[k, 0] == CLOSED:
                 worst = max(worst, abs(g))
                 p = -g / rows[c, K]
                 lift += p * inv_m
                 turn = axpy(p, vec2(rows, c, TURN), turn)
                 up = axpy(1.0, cross(N_b, turn), N_b)
-                moved = True
         if worst <= tolerance:
             break
-    if moved:
-        x = axpy(lift, N, x)
-        quat = turned(quat, scale(0.5, turn))
-        w = times(inv_J, to_body(matrix(quat), to_world(R, times(J, w))))
+    x = axpy(lift, N, x)
+    quat = turned(quat, scale(0.5, turn))
+    w = times(inv_J, to_body(matrix(quat), to_world(R, times(J, w))))
     return x, quat, w
 
 

@@ -236,6 +236,7 @@ def test_upright_succeeds_after_half_a_second_and_lying_still_never_does():
     assert info["is_success"] is True
     assert 0.5 <= info["time_to_upright"] <= 1.0
     assert set(info) >= {"is_success", "energy", "work", "tilt", "n_contacts", "reward_terms"}
+    assert tuple(info["reward_terms"]) == reward.TERMS
 
 
 def test_work_and_energy_balance():
@@ -283,4 +284,4 @@ def test_sb3_reads_what_it_needs_and_no_buffer_is_handed_out_twice():
     assert finished >= 8
     states = env.env_method("get_state")
     env.env_method("set_state", states[0], indices=3)
-    np.testing.assert_array_equal(env.core.rows[3], states[0])
+    np.testing.assert_array_equal(env.core.states[3], states[0])

@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 
 from flipcar_env import row as r
-from flipcar_env import task
 from flipcar_env.env import Core
 
 UNSEEN = 1_000_000_000
@@ -50,9 +49,10 @@ def evaluate(
     success = np.zeros(episodes, dtype=bool)
     time, work = np.full(episodes, np.nan), np.full(episodes, np.nan)
     while running.any():
-        obs = core.step(policy(obs))
-        ended = running & ((core.out[:, task.TERMINATED] + core.out[:, task.TRUNCATED]) > 0)
-        success |= ended & (core.out[:, task.SUCCESS] > 0)
+        core.step(policy(obs))
+        obs = core.obs
+        ended = running & ((core.results[:, r.TERMINATED] + core.results[:, r.TRUNCATED]) > 0)
+        success |= ended & (core.results[:, r.SUCCESS] > 0)
         time[ended] = core.rows[ended, r.STEPS] * core.control_dt
         work[ended] = core.rows[ended, r.WORK]
         running &= ~ended
