@@ -52,12 +52,11 @@ def spin(J, inv_J, quat, w, h):
         angle2 = dot(e, e)
         c = 1.0 - angle2 * (1.0 / 2.0 - angle2 * (1.0 / 24.0))
         e = scale(1.0 - angle2 * (1.0 / 6.0 - angle2 * (1.0 / 120.0)), e)
-        quat = product(quat, (c, e[0], e[1], e[2]))
+        # what rounding did to the norm so far is taken back
         n2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
-        fix = 1.5 - 0.5 * n2  # what rounding has done to the norm is taken back
-        quat = (fix * quat[0], fix * quat[1], fix * quat[2], fix * quat[3])
+        fix = 1.5 - 0.5 * n2
+        quat = product(quat, (fix * c, fix * e[0], fix * e[1], fix * e[2]))
         # L' = L + 2c L×e + 2 (L×e)×e
         t = scale(2.0, cross(times(J, w), e))
         w = axpy(1.0, times(inv_J, axpy(c, t, cross(t, e))), w)
     return quat, w
-

@@ -155,9 +155,7 @@ def _scan(K, mu, b_n, r1, r2):
     best1, best2 = 1.0, 0.0
     s1, s2 = 1.0, 0.0
     for _ in range(SCAN):
-        D, _p, along, across = _slip(
-            _turned(K, s1, s2), mu, b_n, r1 * s1 + r2 * s2, r2 * s1 - r1 * s2
-        )
+        D, _p, along, across = _slip(_turned(K, s1, s2), mu, b_n, r1 * s1 + r2 * s2, r2 * s1 - r1 * s2)
         n = sqrt(along * along + across * across)
         if D > 0.0 and n > 0.0 and along / n > best:
             best = along / n

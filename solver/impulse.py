@@ -36,8 +36,9 @@ from .algebra import (
     vec,
     vec2,
 )
+from .contact import inverse_mass, shift
 from .flight import spin
-from .kick import close, frame_in_body, hold, prepare
+from .kick import close, frame_in_body, hold
 from .model import (
     CLOSED,
     LATE,
@@ -45,6 +46,7 @@ from .model import (
     OK,
     OPEN,
     TOUCH,
+    arm,
     closing_speed,
     gap,
     height_over,
@@ -56,13 +58,12 @@ from .model import (
 from .sweep import (
     POINT,
     TARGET,
-    TURN,
     WIDTH,
-    K,
     P,
+    fill,
+    place,
     strike,
     velocity,
-    world_impulse,
 )
 
 SLOW = 0.1
@@ -110,13 +111,15 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
     """
     half = 0.5 * h
     x, quat, w = drift(body, x, quat, v, w, half)
-    n, slides = close(body, hull, plane, law[0], quat, v, w, contacts, rows)
-    v = axpy(h, a, v)
-    w = axpy(h, times(body[3], torque), w)
+    R = matrix(quat)
+    n = close(hull, frame_in_body(plane, R), contacts, rows)
+    v1 = axpy(h, a, v)
+    w1 = axpy(h, times(body[3], torque), w)
     if n > 0:
-        v, w = hold(body, hull, plane, law[0], a, x, quat, v, w, contacts, rows, n, slides, h)
-    x, quat, w = drift(body, x, quat, v, w, half)
-    return x, quat, v, w, n
+        height = height_over(plane, x)
+        v1, w1 = hold(body, hull, height, R, law[0], a, v, w, v1, w1, contacts, rows, n, h)
+    x, quat, w1 = drift(body, x, quat, v1, w1, half)
+    return x, quat, v1, w1, n
 
 
 # The same, called rather than copied where speed matters less.
@@ -142,39 +145,51 @@ def collide(body, hull, plane, law, slow, touch, x, quat, v, w, contacts, rows, 
 
     Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
     """
-    m, inv_m, J, _inv_J, _bound = body
+    m, inv_m, J, inv_J, _bound = body
     mu, e = law
-    frame_b = frame_in_body(plane, matrix(quat))
+    R = matrix(quat)
+    frame = frame_in_body(plane, R)
     height = height_over(plane, x)
     arrives = False
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN and gap(hull, k, frame_b[0], height) <= touch:
+        if contacts[k, 0] == OPEN and gap(hull, k, frame[0], height) <= touch:
             arrives = True
     if not arrives:
         return v, w
 
+    v_b = to_body(R, v)
     n = 0
     struck = False
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] == CLOSED
-        if closed or gap(hull, k, frame_b[0], height) <= touch:
-            u, _b, _q = prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
-            put2(rows, n, TARGET, (0.0, 0.0, 0.0))
+        if closed or gap(hull, k, frame[0], height) <= touch:
+            _b, q = arm(hull, k, frame[0])
+            place(rows, n, k, frame, q)
+            u = fill(rows, n, inv_m, inv_J, mu, v_b, w)
+            target = 0.0
             if not closed:
                 if u[0] < -TOUCH:
                     struck = True
                 if u[0] < -slow:
-                    rows[n, TARGET] = -e * u[0]
+                    target = -e * u[0]
+            put2(rows, n, TARGET, (target, 0.0, 0.0))
             n += 1
     if struck:
-        v, w = strike(rows, n, m, inv_m, J, mu, v, w)
+        v_b, w = strike(rows, n, m, inv_m, J, mu, v_b, w)
+        v = to_world(R, v_b)
     for c in range(n):
         k = int(rows[c, POINT])
         if struck:
-            add_to(push, k, world_impulse(rows, c, mu))
-        if contacts[k, 0] != CLOSED and velocity(rows, c, mu, v, w)[0] <= max(TOUCH, slow):
+            add_to(push, k, in_world(plane, vec2(rows, c, P)))
+        if contacts[k, 0] != CLOSED and velocity(rows, c, mu, v_b, w)[0] <= max(TOUCH, slow):
             remember(contacts, k, CLOSED, NOTHING)
     return v, w
+
+
+@jit
+def in_world(plane, p):
+    """A vector along (N, t1, t2) in world axes."""
+    return axpy(p[2], plane[2], axpy(p[1], plane[1], scale(p[0], plane[0])))
 
 
 @jit
@@ -191,7 +206,7 @@ def add_to(array, k, a):
 
 
 @jit
-def commit(rows, n, mu, contacts, push, h, whole):
+def commit(rows, n, plane, contacts, push, h, whole):
     """Keep a trial's impulses: for the record, which contacts stay closed, and the warm start.
 
     Returns:
@@ -204,10 +219,11 @@ def commit(rows, n, mu, contacts, push, h, whole):
         typical = typical and contacts[int(rows[c, POINT]), 0] != LATE
     for c in range(n):
         k = int(rows[c, POINT])
-        add_to(push, k, world_impulse(rows, c, mu))
-        if contacts[k, 0] == CLOSED and rows[c, P] > 0.0:
+        p = vec2(rows, c, P)
+        add_to(push, k, in_world(plane, p))
+        if contacts[k, 0] == CLOSED and p[0] > 0.0:
             if typical:
-                put2(contacts, k, 1, scale(1.0 / h, vec2(rows, c, P)))
+                put2(contacts, k, 1, scale(1.0 / h, p))
         else:
             remember(contacts, k, OPEN, NOTHING)
             opened = True
@@ -219,8 +235,8 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
     """Positions alone, along M⁻¹Wᵀ: the first n rows' points onto the surface, or out of it.
 
     A CLOSED point goes onto the surface from either side, any other only out of it. The corrections
-    are of third order in the step, so they add up to first order in themselves, along the rows' own
-    W and G. The world's angular momentum stays, so w turns with the body.
+    are of third order in the step, so they add up to first order in themselves. The world's angular
+    momentum stays, so w turns with the body.
     """
     N = plane[0]
     R = matrix(quat)
@@ -244,9 +260,10 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
             g = gap(hull, k, up, height + lift)
             if g < 0.0 or contacts[k, 0] == CLOSED:
                 worst = max(worst, abs(g))
-                p = -g / rows[c, K]
-                lift += p * inv_m
-                turn = axpy(p, vec2(rows, c, TURN), turn)
+                _b, q = arm(hull, k, N_b)
+                rise, roll = shift(inv_m, inv_J, N_b, q, inverse_mass(inv_m, inv_J, N_b, q), g)
+                lift += rise
+                turn = add(roll, turn)
                 up = axpy(1.0, cross(N_b, turn), N_b)
         if worst <= tolerance:
             break
@@ -377,7 +394,6 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         x, quat, v, w, _n = advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
         return x, quat, v, w, 0.0
 
-    mu = law[0]
     slow = SLOW * abs(dot(N, a)) * h
     rest = h
     for impact in range(MAX_IMPACTS + 1):
@@ -400,7 +416,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
                         body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
                     )
                 clear = 0.0
-        if commit(rows, n, mu, contacts, push, t, h):
+        if commit(rows, n, plane, contacts, push, t, h):
             clear = 0.0
         v = v1
         x, quat, w = project(body[2], body[1], body[3], hull, plane, x1, quat1, w1, contacts, rows, n)

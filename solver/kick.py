@@ -4,15 +4,35 @@
 - guess: the last step's forces
 - aim: the velocities to reach, so that the end of the step meets the constraint
 - hold: leave them if they hold; make all stick if they can; else sweep
+
+Vectors are in body axes, where every contact's arm and matrices are constant.
 """
 
 from math import sqrt
 
-from .algebra import dot, jit, matrix, put2, scale, to_body, vec2
+from .algebra import add, axpy, cross, dot, jit, put2, scale, to_body, to_world, vec2
 from .contact import centripetal, gyroscopic
-from .model import CLOSED, OPEN, arm, gap, height_over
-from .stick import holds, stick
-from .sweep import POINT, SLIP, STRIKE_SWEEPS, TARGET, P, agree, apply, fill, velocity
+from .model import CLOSED, OPEN, arm, gap
+from .stick import stick
+from .sweep import (
+    AIM,
+    AXES,
+    POINT,
+    STRIKE_SWEEPS,
+    TARGET,
+    P,
+    Q,
+    agree,
+    fill,
+    in_axes,
+    in_body,
+    in_cone,
+    place,
+    spread,
+)
+
+STILL = 1e-15
+"""m/s: contacts this near their aims are left as they are."""
 
 ON_CONE = 0.999
 """A force that fills so much of its cone slides; then sweeping is quicker than trying to stick."""
@@ -36,83 +56,105 @@ def frame_in_body(plane, R):
 
 
 @jit
-def prepare(body, hull, plane, mu, frame_b, k, v, w, rows, c):
-    """Fill row c for hull point k, with the slip before any impulse. Returns (u, b, q)."""
-    frame = (plane[0], plane[1], plane[2])
-    b, q = arm(hull, k, frame_b[0])
-    fill(rows, c, k, body[1], body[3], mu, frame, frame_b, q)
-    u = velocity(rows, c, mu, v, w)
-    rows[c, SLIP] = u[1]
-    rows[c, SLIP + 1] = u[2]
-    return u, b, q
-
-
-@jit
-def close(body, hull, plane, mu, quat, v, w, contacts, rows):
-    """Fill a row for each contact that is not OPEN.
-
-    Returns:
-        (n, slides): how many, and whether any slid in the last step (or there is no friction).
-    """
-    frame_b = frame_in_body(plane, matrix(quat))
+def close(hull, frame, contacts, rows):
+    """Begin a row for each contact that is not OPEN. Returns how many."""
     n = 0
-    slides = mu == 0.0
     for k in range(hull.shape[0]):
         if contacts[k, 0] != OPEN:
-            prepare(body, hull, plane, mu, frame_b, k, v, w, rows, n)
-            F = vec2(contacts, k, 1)
-            slid = F[1] * F[1] + F[2] * F[2] >= ON_CONE * (mu * F[0]) ** 2
-            slides = slides or (slid and F[0] > 0.0)
+            _b, q = arm(hull, k, frame[0])
+            place(rows, n, k, frame, q)
             n += 1
-    return n, slides
+    return n
 
 
 @jit
-def guess(inv_m, mu, v, w, contacts, rows, n, h):
-    """The velocities with the last step's forces in them; the rows get the impulses."""
+def guess(mu, contacts, rows, n, h):
+    """The last step's forces: the rows get their impulses.
+
+    Returns:
+        (F, T, push, slide): their sum and moment; do all contacts push, does any slide?
+    """
+    F = (0.0, 0.0, 0.0)
+    T = (0.0, 0.0, 0.0)
+    push, slide = True, mu == 0.0
     for c in range(n):
         p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
         put2(rows, c, P, p)
-        v, w = apply(rows, c, inv_m, mu, p, v, w)
-    return v, w
+        push = push and p[0] > 0.0
+        slide = slide or (p[0] > 0.0 and not in_cone(p, ON_CONE * mu))
+        p = in_body(rows, c, p)
+        F = add(F, p)
+        T = add(T, cross(vec2(rows, c, Q), p))
+    return F, T, push, slide
 
 
 @jit
-def aim(J, inv_J, hull, plane, x, quat, w, contacts, rows, n, h):
-    """Targets: Eq. 5's c at velocity level, u = −(h/2) c, with the spin that is expected to come out.
+def aim(J, inv_J, hull, height, v, w, contacts, rows, n, h):
+    """What to aim at: Eq. 5's c at velocity level, u = −(h/2) c, with the spin that is expected.
 
     Without it, sustained contact is of first order. A LATE point, still above the surface, may come
     down to it by the end of the step.
+
+    Returns:
+        How far from it any contact's velocity is, m/s.
     """
-    frame_b = frame_in_body(plane, matrix(quat))
     w_dot = gyroscopic(J, inv_J, w)
     half = 0.5 * h
+    worst = 0.0
     for c in range(n):
         k = int(rows[c, POINT])
+        q = vec2(rows, c, Q)
         if contacts[k, 0] == CLOSED:
-            b, q = arm(hull, k, frame_b[0])
-            u = scale(-half, centripetal(w, w_dot, b, q))
-            put2(rows, c, TARGET, (dot(frame_b[0], u), dot(frame_b[1], u), dot(frame_b[2], u)))
+            u = scale(-half, centripetal(w, w_dot, vec2(hull, k, 0), q))
         else:
-            g = gap(hull, k, frame_b[0], height_over(plane, x))
-            put2(rows, c, TARGET, (-max(0.0, g) / half, 0.0, 0.0))
+            N = vec2(rows, c, AXES)
+            u = scale(-max(0.0, gap(hull, k, N, height)) / half, N)
+        put2(rows, c, AIM, u)
+        r = axpy(-1.0, u, add(v, cross(w, q)))
+        worst = max(worst, abs(r[0]), abs(r[1]), abs(r[2]))
+    return worst
 
 
 @jit
-def hold(body, hull, plane, mu, a, x, quat, v, w, contacts, rows, n, slides, h):
-    """The velocities after the impulses of n contacts; (v, w) have gravity and torque in them already."""
+def hold(body, hull, height, R, mu, a, before, w_before, v, w, contacts, rows, n, h):
+    """The velocities after the impulses of n contacts.
+
+    Args:
+        body: as in `step`.
+        hull: as in `step`.
+        height: of the centre of mass above the plane, m.
+        R: attitude at the middle.
+        mu: friction coefficient.
+        a: g + F_ext/m.
+        before: velocity before gravity, world axes; friction opposes the mean of the slip before
+            and after.
+        w_before: angular velocity before the torque.
+        v: velocity with gravity in it, world axes.
+        w: angular velocity with the torque in it.
+        contacts: memory.
+        rows: n begun rows.
+        n: how many.
+        h: s.
+
+    Returns:
+        (v, w).
+    """
     m, inv_m, J, inv_J, _bound = body
-    v1, w1 = guess(inv_m, mu, v, w, contacts, rows, n, h)
-    aim(J, inv_J, hull, plane, x, quat, w1, contacts, rows, n, h)
-    if not slides:
-        if holds(rows, n, mu, v1, w1):
-            return v1, w1
-        if n > 1:
-            R = matrix(quat)
-            done, v1, w1 = stick(rows, n, m, J, mu, R, frame_in_body(plane, R), v, w)
-            if done:
-                return v1, w1
-            v1, w1 = guess(inv_m, mu, v, w, contacts, rows, n, h)
+    v = to_body(R, v)
+    F, T, push, slide = guess(mu, contacts, rows, n, h)
+    v1, w1 = spread(inv_m, inv_J, F, T, v, w)
+    far = aim(J, inv_J, hull, height, v1, w1, contacts, rows, n, h)
+    if push and not slide and far < STILL:
+        return to_world(R, v1), w1
+    if n > 1 and not slide:
+        done, v2, w2 = stick(rows, n, m, inv_m, J, inv_J, mu, v1, w1, F, T)
+        if done:
+            return to_world(R, v2), w2
+        guess(mu, contacts, rows, n, h)
+    before = to_body(R, before)
+    for c in range(n):
+        fill(rows, c, inv_m, inv_J, mu, before, w_before)
+        put2(rows, c, TARGET, in_axes(rows, c, vec2(rows, c, AIM)))
     gh = h * sqrt(dot(a, a))
     enough = max(FINEST, AGREED * gh)
     v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, enough)
@@ -120,4 +162,4 @@ def hold(body, hull, plane, mu, a, x, quat, v, w, contacts, rows, n, slides, h):
         for c in range(n):
             put2(rows, c, P, (0.0, 0.0, 0.0))
         v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v, w, STRIKE_SWEEPS, enough)
-    return v1, w1
+    return to_world(R, v1), w1

@@ -1,60 +1,68 @@
 """Contacts that all stick: solved at once, because sweeps share a load among many points slowly."""
 
-from .algebra import add, axpy, cross, dot, jit, put2, scale, stage, to_world, vec2
+from .algebra import add, axpy, cross, jit, put2, scale, stage, times, vec2
 from .friction import inverse_symmetric
-from .sweep import R_, TARGET, P, Q, velocity
+from .sweep import AIM, P, Q, in_axes, in_cone, spread
 
-STILL = 1e-11
-"""m/s: contacts this near their targets are left as they are."""
-
-EPSILON = 1e-5
-"""Of the body's mass: how much `least_norm` leans on it. Small, so that a pass all but ends the
-residual; not so small that the impulses, found as a difference over it, lose their digits."""
-
-MAX_PASSES = 3
-RESIDUAL = 1e-6
-"""m/s: a pass that begins with less ends at rounding."""
+EPSILON = 1e-7
+"""Of the body's mass: how much the points' common motion leans on it, so that it always has one
+answer. So much of the residual it leaves; the next step begins with that."""
 
 
 @jit
-def least_norm(rows, n, m, J, R, frame_b, v, w):
-    """Impulses that make every contact stick at once, cones aside; the least that do.
+def rigid(s, inverse, sum_q, S, T):
+    """(G + ε M)⁻¹ (S, T): how unit masses at the points move with momentum S, angular momentum T."""
+    T = axpy(-s, cross(sum_q, S), T)
+    z = (
+        inverse[0] * T[0] + inverse[1] * T[1] + inverse[2] * T[2],
+        inverse[1] * T[0] + inverse[3] * T[1] + inverse[4] * T[2],
+        inverse[2] * T[0] + inverse[4] * T[1] + inverse[5] * T[2],
+    )
+    return scale(s, axpy(-1.0, cross(z, sum_q), S)), z
 
-    Many points that stick are more conditions than a rigid body has freedoms, and sweeps share the
-    load among them slowly. Here the residual velocities r of the n points are matched by one rigid
-    motion (y, z): least squares, as if the points were unit masses, with a small share ε of the
-    body's own mass and inertia so that it always has one answer. Then
 
-        (ε m + n) y + z × Σq = Σr
-        (ε J + Σ(|q|² − q qᵀ)) z + Σq × y = Σ q × r
-        Δẋ = −y,  Δw = −z,  Δp = −(r − y − z × q)/ε
+@stage
+def stick(rows, n, m, inv_m, J, inv_J, mu, v, w, F, T):
+    """Try to make every contact stick.
 
-    which is (A M⁻¹ Aᵀ + ε) Δp = −r, with A the points' 3n rows, solved by 3 x 3 matrices alone. It
-    shrinks r by about ε m; a second pass brings it to rounding.
+    With A the points' 3n rows, which take the body's velocities to theirs, and r the velocities that a
+    guess at the impulses leaves, Δp solves A M⁻¹ Aᵀ Δp = −r. Many points that stick are more conditions
+    than a rigid body has freedoms. So first r is replaced by the nearest rigid motion, r ≈ A ξ: what
+    differs no impulse can undo. That gives the force and moment to apply, (F, T) − M ξ; the least
+    impulses that do are themselves a rigid motion of the points, p = A η:
+
+        (G + ε M) ξ = Aᵀ r,    G η = (F, T) − M ξ,    G = Aᵀ A
+
+    where G belongs to unit masses at the points. Where friction or normal forces are not unique, the
+    result depends neither on the order of the points nor on the guess.
+
+    Args:
+        rows: n rows with AXES, Q and AIM; P is filled.
+        n: how many.
+        m: kg.
+        inv_m: its inverse.
+        J: principal moments, kg m².
+        inv_J: their inverses.
+        mu: friction coefficient.
+        v: velocity with the guess in it, body axes.
+        w: angular velocity with the guess in it.
+        F: impulse of the guess, N s.
+        T: its moment, N m s.
 
     Returns:
-        (v, w, worst): the velocities with Δp in them, and the largest |r| it began with, m/s.
+        (done, v, w): done if every impulse is inside its cone.
     """
-    epsilon = EPSILON / m
+    epsilon = EPSILON * inv_m
     S = (0.0, 0.0, 0.0)
-    T = (0.0, 0.0, 0.0)
+    U = (0.0, 0.0, 0.0)
     sum_q = (0.0, 0.0, 0.0)
     xx, yy, zz = epsilon * J[0], epsilon * J[1], epsilon * J[2]
     xy, xz, yz = 0.0, 0.0, 0.0
-    worst = 0.0
     for c in range(n):
-        u = velocity(rows, c, 1.0, v, w)
-        r_n, r_1, r_2 = (
-            u[0] - rows[c, TARGET],
-            u[1] - rows[c, TARGET + 1],
-            u[2] - rows[c, TARGET + 2],
-        )
-        worst = max(worst, abs(r_n), abs(r_1), abs(r_2))
-        put2(rows, c, R_, (r_n, r_1, r_2))
-        r = axpy(r_1, frame_b[1], axpy(r_2, frame_b[2], scale(r_n, frame_b[0])))
         q = vec2(rows, c, Q)
+        r = axpy(-1.0, vec2(rows, c, AIM), add(v, cross(w, q)))
         S = add(S, r)
-        T = add(T, cross(q, r))
+        U = add(U, cross(q, r))
         sum_q = add(sum_q, q)
         xx += q[1] * q[1] + q[2] * q[2]
         yy += q[0] * q[0] + q[2] * q[2]
@@ -63,7 +71,6 @@ def least_norm(rows, n, m, J, R, frame_b, v, w):
         xz -= q[0] * q[2]
         yz -= q[1] * q[2]
     s = 1.0 / (n + EPSILON)
-    T = axpy(-s, cross(sum_q, S), T)
     inverse = inverse_symmetric(
         (
             xx - s * (sum_q[1] * sum_q[1] + sum_q[2] * sum_q[2]),
@@ -74,56 +81,22 @@ def least_norm(rows, n, m, J, R, frame_b, v, w):
             zz - s * (sum_q[0] * sum_q[0] + sum_q[1] * sum_q[1]),
         )
     )
-    z = (
-        inverse[0] * T[0] + inverse[1] * T[1] + inverse[2] * T[2],
-        inverse[1] * T[0] + inverse[3] * T[1] + inverse[4] * T[2],
-        inverse[2] * T[0] + inverse[4] * T[1] + inverse[5] * T[2],
-    )
-    y = scale(s, axpy(-1.0, cross(z, sum_q), S))
+    y, z = rigid(s, inverse, sum_q, S, U)
+    S, U = axpy(-m, y, F), axpy(-1.0, times(J, z), T)
+    lam, nu = rigid(s, inverse, sum_q, S, U)
+    y, z = rigid(s, inverse, sum_q, scale(EPSILON, lam), scale(epsilon, times(J, nu)))
+    lam, nu = add(lam, y), add(nu, z)
+
+    S = (0.0, 0.0, 0.0)
+    U = (0.0, 0.0, 0.0)
     for c in range(n):
-        fit = add(y, cross(z, vec2(rows, c, Q)))
-        fit = (dot(frame_b[0], fit), dot(frame_b[1], fit), dot(frame_b[2], fit))
-        left = axpy(-1.0, fit, vec2(rows, c, R_))
-        put2(rows, c, P, axpy(-1.0 / epsilon, left, vec2(rows, c, P)))
-    return axpy(-1.0, to_world(R, y), v), axpy(-1.0, z, w), worst
-
-
-@jit
-def holds(rows, n, mu, v, w):
-    """True if every contact sticks, inside its cone and on target: nothing is left to solve."""
-    worst = 0.0
-    for c in range(n):
-        u = velocity(rows, c, 1.0, v, w)
-        p = vec2(rows, c, P)
-        worst = max(
-            worst,
-            abs(u[0] - rows[c, TARGET]),
-            abs(u[1] - rows[c, TARGET + 1]),
-            abs(u[2] - rows[c, TARGET + 2]),
-        )
-        if p[0] <= 0.0 or p[1] * p[1] + p[2] * p[2] > mu * mu * p[0] * p[0]:
-            return False
-    return worst < STILL
-
-
-@stage
-def stick(rows, n, m, J, mu, R, frame_b, v, w):
-    """Try to make every contact stick, from no impulse at all.
-
-    Where friction or normal forces are not unique these are the least ones, independent of the order
-    of the points and of what came before.
-
-    Returns:
-        (done, v, w): done if every impulse is inside its cone and every point on its target.
-    """
-    for c in range(n):
-        put2(rows, c, P, (0.0, 0.0, 0.0))
-    for _ in range(MAX_PASSES):
-        v, w, worst = least_norm(rows, n, m, J, R, frame_b, v, w)
-        for c in range(n):
-            p = vec2(rows, c, P)
-            if p[0] <= 0.0 or p[1] * p[1] + p[2] * p[2] > mu * mu * p[0] * p[0]:
-                return False, v, w
-        if worst < RESIDUAL:
-            return True, v, w
-    return False, v, w
+        q = vec2(rows, c, Q)
+        p = add(lam, cross(nu, q))
+        S = add(S, p)
+        U = add(U, cross(q, p))
+        p = in_axes(rows, c, p)
+        put2(rows, c, P, p)
+        if not in_cone(p, mu):
+            return False, v, w
+    v, w = spread(inv_m, inv_J, axpy(-1.0, F, S), axpy(-1.0, T, U), v, w)
+    return True, v, w

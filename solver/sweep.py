@@ -23,22 +23,28 @@ from .algebra import (
 )
 from .friction import cone_impulse, inverse_symmetric
 
-# Columns of a row. Contact axes are (N, t1, t2); directions are stored in world and in body axes.
+# Columns of a row. Vectors are in body axes.
 POINT = 0  # index of the hull point
-AXES = 1  # N, t1, t2 in world axes
-ARM = 10  # q × N, q × t1, q × t2 in body axes: the angular part of W, and its like for the tangents
-TURN = 19  # J⁻¹ times those: rad/s per N s
-K = 28  # Eq. 10: nn, n1, n2, 11, 12, 22
-INV_K = 34
-TARGET = 40  # velocity asked for, m/s
-SLIP = 43  # tangential velocity before the impulse, m/s
-P = 45  # impulse, N s
-Q = 48  # from x to the contact point, body axes, m
-R_ = 51  # residual velocity, m/s
+AXES = 1  # N, t1, t2
+Q = 10  # from x to the contact point, m
+AIM = 13  # velocity asked for, m/s
+P = 16  # impulse along N, t1, t2, N s
+# What only sweeping needs:
+ARM = 19  # q × N, q × t1, q × t2: the angular part of W, and its like for the tangents
+TURN = 28  # J⁻¹ times those: rad/s per N s
+K = 37  # Eq. 10: nn, n1, n2, 11, 12, 22
+INV_K = 43
+TARGET = 49  # AIM along N, t1, t2
+SLIP = 52  # tangential velocity before the impulse, m/s
 STEP = 54  # what the last sweep changed of P, N s
 WIDTH = 57
 
-LIMIT = 0.9
+EXTRAPOLATE = 0.9
+"""Sweeps that shrink by less than this factor are not extrapolated."""
+
+WINDING = 1e-3
+"""m/s: sweeps that change so little, and hardly less each time, meet targets that no rigid motion can
+meet together. More of them would only wind up impulses that cancel."""
 
 STRIKE_SWEEPS = 60
 STRIKE_TOLERANCE = 1e-8
@@ -46,34 +52,61 @@ STRIKE_TOLERANCE = 1e-8
 
 
 @jit
-def fill(rows, c, point, inv_m, inv_J, mu, frame, frame_b, q):
-    """Prepare one contact: its axes, arms and Eq. 10's matrix.
-
-    Args:
-        rows: (p, WIDTH).
-        c: which row to fill.
-        point: index of the hull point.
-        inv_m: 1/m.
-        inv_J: inverse principal moments.
-        mu: friction coefficient; with 0 the tangents are left out.
-        frame: (N, t1, t2), right-handed, world axes.
-        frame_b: the same in body axes.
-        q: from x to the contact point, body axes.
-    """
+def place(rows, c, point, frame, q):
+    """Begin row c: hull point `point` touches at q, with axes (N, t1, t2); all in body axes."""
     rows[c, POINT] = point
-    put2(rows, c, Q, q)
     put2(rows, c, AXES, frame[0])
-    a = cross(q, frame_b[0])
+    put2(rows, c, AXES + 3, frame[1])
+    put2(rows, c, AXES + 6, frame[2])
+    put2(rows, c, Q, q)
+
+
+@jit
+def in_axes(rows, c, a):
+    """A vector in body axes along contact c's N, t1, t2."""
+    return (
+        dot(vec2(rows, c, AXES), a),
+        dot(vec2(rows, c, AXES + 3), a),
+        dot(vec2(rows, c, AXES + 6), a),
+    )
+
+
+@jit
+def in_body(rows, c, p):
+    """The inverse of `in_axes`."""
+    a = axpy(p[1], vec2(rows, c, AXES + 3), scale(p[0], vec2(rows, c, AXES)))
+    return axpy(p[2], vec2(rows, c, AXES + 6), a)
+
+
+@jit
+def in_cone(p, mu):
+    """Does the impulse push, and friction hold?"""
+    return p[0] > 0.0 and p[1] * p[1] + p[2] * p[2] <= mu * mu * p[0] * p[0]
+
+
+@jit
+def spread(inv_m, inv_J, F, T, v, w):
+    """The velocities after an impulse F and its moment T (Eqs. 1 and 2 over a blow), body axes."""
+    return axpy(inv_m, F, v), axpy(1.0, times(inv_J, T), w)
+
+
+@jit
+def fill(rows, c, inv_m, inv_J, mu, v, w):
+    """Prepare contact c for sweeping: arms, Eq. 10's matrix, and its slip at (v, w).
+
+    Without friction (μ = 0) the tangents are left out. Returns the velocity u of its point.
+    """
+    q = vec2(rows, c, Q)
+    a = cross(q, vec2(rows, c, AXES))
     Ja = times(inv_J, a)
     put2(rows, c, ARM, a)
     put2(rows, c, TURN, Ja)
     nn = inv_m + dot(a, Ja)
-    rows[c, K] = nn
-    if mu > 0.0:
-        put2(rows, c, AXES + 3, frame[1])
-        put2(rows, c, AXES + 6, frame[2])
-        a1 = cross(q, frame_b[1])
-        a2 = cross(q, frame_b[2])
+    if mu == 0.0:
+        put6(rows, c, K, (nn, 0.0, 0.0, 0.0, 0.0, 0.0))
+    else:
+        a1 = cross(q, vec2(rows, c, AXES + 3))
+        a2 = cross(q, vec2(rows, c, AXES + 6))
         Ja1 = times(inv_J, a1)
         Ja2 = times(inv_J, a2)
         put2(rows, c, ARM + 3, a1)
@@ -83,6 +116,10 @@ def fill(rows, c, point, inv_m, inv_J, mu, frame, frame_b, q):
         k = (nn, dot(a, Ja1), dot(a, Ja2), inv_m + dot(a1, Ja1), dot(a1, Ja2), inv_m + dot(a2, Ja2))
         put6(rows, c, K, k)
         put6(rows, c, INV_K, inverse_symmetric(k))
+    u = velocity(rows, c, mu, v, w)
+    rows[c, SLIP] = u[1]
+    rows[c, SLIP + 1] = u[2]
+    return u
 
 
 @jit
@@ -109,27 +146,20 @@ def apply(rows, c, inv_m, mu, p, v, w):
     return v, w
 
 
-@jit
-def world_impulse(rows, c, mu):
-    """Contact c's impulse in world axes, N s."""
-    p = scale(rows[c, P], vec2(rows, c, AXES))
-    if mu > 0.0:
-        p = axpy(rows[c, P + 1], vec2(rows, c, AXES + 3), p)
-        p = axpy(rows[c, P + 2], vec2(rows, c, AXES + 6), p)
-    return p
-
-
 @stage
 def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
     """Sweep the single contact solve over n rows until their impulses agree.
 
+    Two sweeps whose changes are alike show how the rest would go on, so every second one is
+    extrapolated (Aitken); the last never is, as what it gives must be inside the cones.
+
     Args:
-        rows: prepared rows, with targets; their impulses P are the first guess, already in v and w.
+        rows: filled rows, with targets; their impulses P are the first guess, already in v and w.
         n: how many.
         inv_m: 1/m.
         mu: friction coefficient.
         mean_slip: 1.0: friction opposes the mean of the slip before and after; 0.0: the slip after.
-        v: velocity, world axes.
+        v: velocity, body axes.
         w: angular velocity, body axes.
         sweeps: at most so many.
         tolerance: m/s; enough when a sweep changes no contact's velocity by more.
@@ -178,8 +208,8 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
             break
         if not fresh or sweep == sweeps - 1:
             fresh = True
-        elif same > LIMIT * square:
-            if change < 1e-3:
+        elif same > EXTRAPOLATE * square:
+            if change < WINDING:
                 break
         elif same > 0.0:
             s = same / (square - same)
