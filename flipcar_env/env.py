@@ -12,7 +12,6 @@ from solver.scene import UNIT_TOLERANCE
 
 from . import car, observe, reward, starts, task
 from . import row as r
-from .reward import TERMS
 from .row import REWARD, TERMINATED, TRUNCATED
 
 GRAVITY = 9.81
@@ -78,9 +77,11 @@ class Core:
         self.bank = starts.settled_bank(settling.tobytes())
         self.rows = np.zeros((n, r.width(self.points)))
         self.states = self.rows[:, : r.state_width(self.points)]
-        self.results = self.rows[:, r.results(self.points) :]
+        first = r.results(self.points)
+        self.results = self.rows[:, first : first + r.RESULTS]
         self.observation_space = observe.space(obs)
-        self.obs = np.zeros((n, *self.observation_space.shape), np.float32)
+        observed = self.rows.view(np.float32)[:, 2 * (first + r.RESULTS) :]
+        self.observed = observed[:, : self.observation_space.shape[0]]
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
 
     def set_key(self, i: int, seed: int) -> None:
@@ -94,14 +95,15 @@ class Core:
         kind = starts.ANY if start == "any" else starts.KINDS.index(start)
         self.rows[i, r.EPISODE] += 1
         starts.begin(self.model, self.bank, self.rows[i], kind)
+        task.look(self.model, self.rows[i])
 
     def step(self, actions: np.ndarray) -> None:
-        """One control step of all, from (n, 3) float32 actions, into `rows` and `obs`.
+        """One control step of all, from (n, 3) float32 actions, in place.
 
         Raises:
             ValueError: an action is not finite; nothing has changed then.
         """
-        bad = task.step(self.model, self.rows, actions, self.obs)
+        bad = task.step(self.model, self.rows, actions)
         if bad >= 0:
             raise ValueError(f"action must be finite, got {actions[bad].tolist()}")
 
@@ -125,22 +127,14 @@ class Core:
 
     def start_info(self, i: int) -> dict[str, Any]:
         """The info of environment i after a reset."""
-        energy, tilt = task.look(self.model, self.rows[i], np.empty_like(self.obs[i]))
-        return {
-            "is_success": False,
-            "energy": energy,
-            "work": float(self.rows[i, r.WORK]),
-            "tilt": tilt,
-            "n_contacts": 0,
-            "reward_terms": dict.fromkeys(TERMS, 0.0),
-            "start": starts.KINDS[int(self.rows[i, r.START])],
-        }
+        info = self.info(i, self.results[i].tolist())
+        info["work"] = float(self.rows[i, r.WORK])
+        info["start"] = starts.KINDS[int(self.rows[i, r.START])]
+        return info
 
-    def observation(self, i: int) -> np.ndarray:
-        """Environment i's observation, freshly made."""
-        obs = np.empty_like(self.obs[i])
-        task.look(self.model, self.rows[i], obs)
-        return obs
+    def observations(self) -> np.ndarray:
+        """(n, k) float32, freshly made."""
+        return self.observed.copy()
 
     def check_state(self, state: Any) -> np.ndarray:
         """A state array as `get_state` gives it.
@@ -266,7 +260,7 @@ class FlipCarEnv(gym.Env):
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
         self._results = self.core.results[0]
-        self._obs = self.core.obs[0]
+        self._observed = self.core.observed[0]
         self._started = False
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
@@ -290,7 +284,8 @@ class FlipCarEnv(gym.Env):
             self.core.begin(0, start)
         else:
             self.core.states[0] = state
-        return self.core.observation(0), self.core.start_info(0)
+            task.look(self.core.model, self.core.rows[0])
+        return self._observed.copy(), self.core.start_info(0)
 
     def step(self, action):
         """One control step. A non-finite action is refused and changes nothing."""
@@ -302,7 +297,7 @@ class FlipCarEnv(gym.Env):
         self.core.step(action[None])
         results = self._results.tolist()
         return (
-            self._obs.copy(),
+            self._observed.copy(),
             results[REWARD],
             results[TERMINATED] != 0.0,
             results[TRUNCATED] != 0.0,

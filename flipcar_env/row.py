@@ -1,10 +1,10 @@
 """One environment as one row of numbers.
 
 First its state: everything that its future depends on, which `get_state` and `set_state` copy. Then
-what the last control step made of it: each hull point's contact impulse, and the results. A batch is a
-2-D array of such rows. What is the same for every row (the car, the ground, the task's settings) is
-packed in one flat array, the model. So a compiled call takes few arguments, each of which would cost
-as much as a physics step.
+what the last control step made of it: each hull point's contact impulse, the results, the observation.
+A batch is a 2-D array of such rows. What is the same for every row (the car, the ground, the task's
+settings) is packed in one flat array, the model. So a compiled call takes few arguments, each of
+which would cost as much as a physics step.
 """
 
 import numpy as np
@@ -36,6 +36,7 @@ N_CONTACTS = 10
 TOTAL_WORK = 11
 FAILED = 12
 RESULTS = 13
+OBSERVED = 7  # after them the observation, as float32: two to a column
 
 
 @jit
@@ -52,7 +53,7 @@ def results(points: int) -> int:
 
 def width(points: int) -> int:
     """Length of a row."""
-    return results(points) + RESULTS
+    return results(points) + RESULTS + OBSERVED
 
 
 # Fields of the model.

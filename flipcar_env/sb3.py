@@ -50,7 +50,7 @@ class FlipCarVecEnv(VecEnv):
         self._reset_seeds()
         self._reset_options()
         self._returns[:] = 0.0
-        return np.stack([self.core.observation(i) for i in range(self.num_envs)])
+        return self.core.observations()
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions, (num_envs, 3)."""
@@ -63,7 +63,7 @@ class FlipCarVecEnv(VecEnv):
         """One control step of all. Observations are fresh arrays each time."""
         core = self.core
         core.step(self._actions)
-        obs = core.obs.copy()
+        obs = core.observations()
         rewards = core.results[:, r.REWARD].astype(np.float32)
         truncated = core.results[:, r.TRUNCATED] != 0.0
         dones = truncated | (core.results[:, r.TERMINATED] != 0.0)
@@ -81,7 +81,7 @@ class FlipCarVecEnv(VecEnv):
             }
             self._returns[i] = 0.0
             core.begin(i, core.start)
-            obs[i] = core.observation(i)
+            obs[i] = core.observed[i]
         return obs, rewards, dones, infos
 
     def close(self) -> None:

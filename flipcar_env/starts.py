@@ -8,7 +8,7 @@ import numpy as np
 from solver.algebra import entry, jit, matrix, put, put_quat, to_body
 from solver.model import OPEN
 
-from . import chance, observe, task
+from . import chance, task
 from . import row as r
 
 KINDS = ("roof", "side", "nose", "drop", "crash", "upright")
@@ -173,7 +173,6 @@ def settled_bank(packed_model: bytes) -> np.ndarray:
     bank = np.empty((2, BANK, 4))
     rows = np.zeros((1, r.width(points)))
     actions = np.zeros((1, 3), np.float32)
-    obs = np.empty((1, *observe.space("state").shape), np.float32)
     for kind in (_ROOF, _SIDE):
         found, index = 0, 0
         while found < BANK:
@@ -182,7 +181,7 @@ def settled_bank(packed_model: bytes) -> np.ndarray:
             if index > 20 * BANK:
                 raise RuntimeError(f"the car hardly ever settles on its {KINDS[kind]}")
             for _ in range(round(_SETTLE_TIME / model[r.CONTROL_DT])):
-                task.step(model, rows, actions, obs)
+                task.step(model, rows, actions)
             motion = rows[0, r.MOTION : r.STEPS]
             cos_tilt = 1.0 - 2.0 * (motion[4] ** 2 + motion[5] ** 2)
             lies = cos_tilt < -0.5 if kind == _ROOF else abs(cos_tilt) < 0.5

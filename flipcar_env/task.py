@@ -15,16 +15,6 @@ from . import row as r
 
 
 @jit
-def observe_row(model, row, obs):
-    """Fill the observation of one row."""
-    x, quat, v, w = load(row)
-    if model[r.EGOCENTRIC] != 0.0:
-        observe.egocentric(x, quat, v, w, obs)
-    else:
-        observe.state(x, quat, v, w, obs)
-
-
-@jit
 def cos_tilt(quat):
     """Vertical component of the car's up axis."""
     return 1.0 - 2.0 * (quat[1] * quat[1] + quat[2] * quat[2])
@@ -38,7 +28,19 @@ def energy(model, x, v, w):
 
 
 @jit
-def step_row(model, hull, row, action, obs, scratch):
+def observe_row(model, out, x, quat, v, w):
+    """Fill the results that any state has, and the observation."""
+    out[r.ENERGY] = energy(model, x, v, w)
+    out[r.TILT] = reward.tilt(cos_tilt(quat))
+    obs = borrowed(out[r.RESULTS :].view(np.float32))
+    if model[r.EGOCENTRIC] != 0.0:
+        observe.egocentric(x, quat, v, w, obs)
+    else:
+        observe.state(x, quat, v, w, obs)
+
+
+@jit
+def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
     body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
     law = (model[r.LAW], model[r.LAW + 1])
@@ -83,7 +85,7 @@ def step_row(model, hull, row, action, obs, scratch):
     row[r.STEPS] += 1.0
 
     # observe
-    observe_row(model, row, obs)
+    observe_row(model, out, x, quat, v, w)
 
     # reward
     wheels_down, others_down = 0, 0
@@ -105,22 +107,19 @@ def step_row(model, hull, row, action, obs, scratch):
     out[r.TERMINATED] = success
     out[r.TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
     out[r.SUCCESS] = success
-    out[r.ENERGY] = energy(model, x, v, w)
-    out[r.TILT] = reward.tilt(after)
     out[r.N_CONTACTS] = wheels_down + others_down
     out[r.TOTAL_WORK] = work
     out[r.FAILED] = failed
 
 
 @entry
-def step(model, rows, actions, obs):
+def step(model, rows, actions):
     """One control step of n environments, in place; none if an action is not finite.
 
     Args:
         model: what they share (`row.model`).
         rows: (n, row.width).
         actions: (n, 3) float32, clipped to [-1, 1] here.
-        obs: (n, k) float32, filled.
 
     Returns:
         -1, or the first environment whose action is not finite: then nothing has been done.
@@ -131,16 +130,14 @@ def step(model, rows, actions, obs):
     hull = borrowed(model[r.HULL :].reshape(-1, 4))
     scratch = np.empty((hull.shape[0], CONTACT_ROW))
     for i in range(rows.shape[0]):
-        step_row(
-            borrowed(model), hull, borrowed(rows[i]), borrowed(actions[i]), borrowed(obs[i]),
-            borrowed(scratch),
-        )  # fmt: skip
+        step_row(borrowed(model), hull, borrowed(rows[i]), borrowed(actions[i]), borrowed(scratch))
     return -1
 
 
 @entry
-def look(model, row, obs):
-    """Fill the observation of one row, and return (energy, tilt) of it."""
-    observe_row(model, row, obs)
+def look(model, row):
+    """Fill the results and the observation of a row that has just been set."""
+    out = row[r.results((model.size - r.HULL) // 4) :]
+    out[: r.RESULTS] = 0.0
     x, quat, v, w = load(row)
-    return energy(model, x, v, w), reward.tilt(cos_tilt(quat))
+    observe_row(model, out, x, quat, v, w)

@@ -49,14 +49,20 @@ def spin(J, inv_J, quat, w, h):
         s = dt * dt * (1.0 / 12.0)
         e = axpy(s, add(w_dot, add(w_dot1, w_dot2)), scale(0.5 * dt, w))
         e = axpy(0.5 * dt * s, cross(w, w_dot1), e)
-        angle2 = dot(e, e)
-        c = 1.0 - angle2 * (1.0 / 2.0 - angle2 * (1.0 / 24.0))
-        e = scale(1.0 - angle2 * (1.0 / 6.0 - angle2 * (1.0 / 120.0)), e)
-        # what rounding did to the norm so far is taken back
-        n2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
-        fix = 1.5 - 0.5 * n2
-        quat = product(quat, (fix * c, fix * e[0], fix * e[1], fix * e[2]))
-        # L' = L + 2c L×e + 2 (L×e)×e
-        t = scale(2.0, cross(times(J, w), e))
-        w = axpy(1.0, times(inv_J, axpy(c, t, cross(t, e))), w)
+        quat, w = turn(J, inv_J, quat, w, e)
     return quat, w
+
+
+@jit
+def turn(J, inv_J, quat, w, e):
+    """Turn by the rotation vector 2e (body axes, |e| < 0.01), and w so that the world's J w stays."""
+    angle2 = dot(e, e)
+    c = 1.0 - angle2 * (1.0 / 2.0 - angle2 * (1.0 / 24.0))
+    e = scale(1.0 - angle2 * (1.0 / 6.0 - angle2 * (1.0 / 120.0)), e)
+    # what rounding did to the norm so far is taken back
+    n2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
+    fix = 1.5 - 0.5 * n2
+    quat = product(quat, (fix * c, fix * e[0], fix * e[1], fix * e[2]))
+    # L' = L + 2c L×e + 2 (L×e)×e
+    t = scale(2.0, cross(times(J, w), e))
+    return quat, axpy(1.0, times(inv_J, axpy(c, t, cross(t, e))), w)

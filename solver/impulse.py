@@ -32,12 +32,11 @@ from .algebra import (
     times,
     to_body,
     to_world,
-    turned,
     vec,
     vec2,
 )
 from .contact import inverse_mass, shift
-from .flight import spin
+from .flight import spin, turn
 from .kick import close, frame_in_body, hold
 from .model import (
     CLOSED,
@@ -57,6 +56,8 @@ from .model import (
 )
 from .sweep import (
     POINT,
+    RISE,
+    ROLL,
     TARGET,
     WIDTH,
     P,
@@ -239,8 +240,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
     momentum stays, so w turns with the body.
     """
     N = plane[0]
-    R = matrix(quat)
-    N_b = to_body(R, N)
+    N_b = to_body(matrix(quat), N)
     height = height_over(plane, x)
     tolerance = GAP_TOLERANCE if n == 1 else SHARED_TOLERANCE
     worst = 0.0
@@ -250,9 +250,15 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
         worst = max(worst, abs(g) if contacts[k, 0] == CLOSED else -g)
     if worst <= (GAP_TOLERANCE if n == 1 else 0.5 * TOUCH):
         return x, quat, w
+
+    for c in range(n):
+        _b, q = arm(hull, int(rows[c, POINT]), N_b)
+        rise, roll = shift(inv_m, inv_J, N_b, q, inverse_mass(inv_m, inv_J, N_b, q), 1.0)
+        rows[c, RISE] = rise
+        put2(rows, c, ROLL, roll)
     up = N_b
     lift = 0.0
-    turn = (0.0, 0.0, 0.0)
+    e = (0.0, 0.0, 0.0)
     for _ in range(MAX_PROJECT):
         worst = 0.0
         for c in range(n):
@@ -260,17 +266,13 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
             g = gap(hull, k, up, height + lift)
             if g < 0.0 or contacts[k, 0] == CLOSED:
                 worst = max(worst, abs(g))
-                _b, q = arm(hull, k, N_b)
-                rise, roll = shift(inv_m, inv_J, N_b, q, inverse_mass(inv_m, inv_J, N_b, q), g)
-                lift += rise
-                turn = add(roll, turn)
-                up = axpy(1.0, cross(N_b, turn), N_b)
+                lift += g * rows[c, RISE]
+                e = axpy(0.5 * g, vec2(rows, c, ROLL), e)
+                up = axpy(2.0, cross(N_b, e), N_b)
         if worst <= tolerance:
             break
-    x = axpy(lift, N, x)
-    quat = turned(quat, scale(0.5, turn))
-    w = times(inv_J, to_body(matrix(quat), to_world(R, times(J, w))))
-    return x, quat, w
+    quat, w = turn(J, inv_J, quat, w, e)
+    return axpy(lift, N, x), quat, w
 
 
 @jit

@@ -31,11 +31,15 @@ from .sweep import (
     spread,
 )
 
-STILL = 1e-15
+STILL = 3e-15
 """m/s: contacts this near their aims are left as they are."""
 
+REST = 6e-15
+"""m/s and rad/s: velocities that the contacts' forces change by less in a step do not change."""
+
 ON_CONE = 0.999
-"""A force that fills so much of its cone slides; then sweeping is quicker than trying to stick."""
+"""A force that fills so much of its cone slides; then sweeping is quicker than trying to stick, unless
+what slides is all but still."""
 
 SWEEPS = 12
 AGREED = 1e-4
@@ -116,7 +120,13 @@ def aim(J, inv_J, hull, height, v, w, contacts, rows, n, h):
 
 
 @jit
-def hold(body, hull, height, R, mu, a, before, w_before, v, w, contacts, rows, n, h):
+def change(a, b):
+    """The largest difference between two vectors' components."""
+    return max(abs(a[0] - b[0]), abs(a[1] - b[1]), abs(a[2] - b[2]))
+
+
+@jit
+def hold(body, hull, height, R, mu, a, v_before, w_before, v, w, contacts, rows, n, h):
     """The velocities after the impulses of n contacts.
 
     Args:
@@ -126,7 +136,7 @@ def hold(body, hull, height, R, mu, a, before, w_before, v, w, contacts, rows, n
         R: attitude at the middle.
         mu: friction coefficient.
         a: g + F_ext/m.
-        before: velocity before gravity, world axes; friction opposes the mean of the slip before
+        v_before: velocity before gravity, world axes; friction opposes the mean of the slip before
             and after.
         w_before: angular velocity before the torque.
         v: velocity with gravity in it, world axes.
@@ -140,26 +150,29 @@ def hold(body, hull, height, R, mu, a, before, w_before, v, w, contacts, rows, n
         (v, w).
     """
     m, inv_m, J, inv_J, _bound = body
-    v = to_body(R, v)
+    v_b = to_body(R, v)
     F, T, push, slide = guess(mu, contacts, rows, n, h)
-    v1, w1 = spread(inv_m, inv_J, F, T, v, w)
+    v1, w1 = spread(inv_m, inv_J, F, T, v_b, w)
     far = aim(J, inv_J, hull, height, v1, w1, contacts, rows, n, h)
     if push and not slide and far < STILL:
-        return to_world(R, v1), w1
-    if n > 1 and not slide:
+        # At rest nothing changes at all: residuals that add up would have to be undone in the end.
+        v1 = to_world(R, v1)
+        rests = change(v1, v_before) < REST and change(w1, w_before) < REST
+        return (v_before, w_before) if rests else (v1, w1)
+    gh = h * sqrt(dot(a, a))
+    if n > 1 and (not slide or (mu > 0.0 and far < gh)):
         done, v2, w2 = stick(rows, n, m, inv_m, J, inv_J, mu, v1, w1, F, T)
         if done:
             return to_world(R, v2), w2
         guess(mu, contacts, rows, n, h)
-    before = to_body(R, before)
+    before = to_body(R, v_before)
     for c in range(n):
         fill(rows, c, inv_m, inv_J, mu, before, w_before)
         put2(rows, c, TARGET, in_axes(rows, c, vec2(rows, c, AIM)))
-    gh = h * sqrt(dot(a, a))
     enough = max(FINEST, AGREED * gh)
-    v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, enough)
-    if change > COLD + gh:
+    v1, w1, left = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, enough)
+    if left > COLD + gh:
         for c in range(n):
             put2(rows, c, P, (0.0, 0.0, 0.0))
-        v1, w1, change = agree(rows, n, inv_m, mu, 1.0, v, w, STRIKE_SWEEPS, enough)
+        v1, w1, left = agree(rows, n, inv_m, mu, 1.0, v_b, w, STRIKE_SWEEPS, enough)
     return to_world(R, v1), w1

@@ -44,13 +44,13 @@ def evaluate(
     for i in range(episodes):
         core.set_key(i, seed + i)
         core.begin(i, start)
-    obs = np.stack([core.observation(i) for i in range(episodes)])
+    obs = core.observations()
     running = np.ones(episodes, dtype=bool)
     success = np.zeros(episodes, dtype=bool)
     time, work = np.full(episodes, np.nan), np.full(episodes, np.nan)
     while running.any():
         core.step(policy(obs))
-        obs = core.obs
+        obs = core.observations()
         ended = running & ((core.results[:, r.TERMINATED] + core.results[:, r.TRUNCATED]) > 0)
         success |= ended & (core.results[:, r.SUCCESS] > 0)
         time[ended] = core.rows[ended, r.STEPS] * core.control_dt
