@@ -35,12 +35,12 @@ def spin(J, inv_J, quat, w, h):
     turn2 = h * h * dot(w, w)
     if turn2 < 1e-32:  # too small to change a bit of the attitude
         return quat, w
-    n = 1
+    n, dt = 1, h
     if turn2 > MAX_TURN * MAX_TURN:
         n = int(min(sqrt(turn2) / MAX_TURN, MAX_PIECES)) + 1
+        dt = h / n
     if not turn2 < (MAX_TURN * MAX_PIECES) ** 2:  # or not a number: the caller's check finds it
         return (np.nan, np.nan, np.nan, np.nan), w
-    dt = h / n
     for _ in range(n):
         w_dot = gyroscopic(J, inv_J, w)
         w_dot1 = gyroscopic(J, inv_J, axpy(0.5 * dt, w_dot, w))

@@ -88,9 +88,8 @@ MAX_CUBIC = 6
 MAX_ROUNDS = 8
 MAX_PROJECT = 8
 GAP_TOLERANCE = 1e-13
-SHARED_TOLERANCE = 1e-8
-"""m: a pass over several points, which disturb one another, is the last if it began with less; the
-next step goes on with what is left."""
+SHARED_TOLERANCE = 5e-9
+"""m: several points, which disturb one another, need not be nearer."""
 
 
 @jit
@@ -125,6 +124,17 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
 
 # The same, called rather than copied where speed matters less.
 trial = stage(advance.py_func if hasattr(advance, "py_func") else advance)
+
+
+@jit
+def clearance(hull, plane, quat, x, contacts):
+    """Gap of the OPEN point that is deepest; inf if none is open."""
+    N_b = to_body(matrix(quat), plane[0])
+    height = height_over(plane, x)
+    deepest = np.inf
+    for k in range(hull.shape[0]):
+        deepest = min(deepest, gap(hull, k, N_b, height) if contacts[k, 0] == OPEN else np.inf)
+    return deepest
 
 
 @jit
@@ -248,7 +258,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
         k = int(rows[c, POINT])
         g = gap(hull, k, N_b, height)
         worst = max(worst, abs(g) if contacts[k, 0] == CLOSED else -g)
-    if worst <= (GAP_TOLERANCE if n == 1 else 0.5 * TOUCH):
+    if worst <= tolerance:
         return x, quat, w
 
     for c in range(n):
@@ -293,11 +303,11 @@ def descent(g0, s0, g1, s1, h):
 
 
 @stage
-def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h, depth, k):
+def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h):
     """Time of the first touch within (0, h]: Newton on the step map, in a bracket, from a cubic guess.
 
-    `end` is where `advance` comes to at h, `depth` the gap (< 0) of the deepest open point there, and k
-    that point; the rest is `advance`'s.
+    `end` is where `advance` comes to at h, with an open point below the surface; the rest is
+    `advance`'s.
 
     Returns:
         (t, x, quat, v, w, n): the end of a step of t seconds at which no open point is below the
@@ -306,6 +316,7 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows
     lo, hi = 0.0, h
     t = h
     x1, quat1, v1, w1, n = end
+    k, depth = lowest_open(hull, plane, quat1, x1, contacts)
     R = matrix(quat)
     g0 = gap(hull, k, to_body(R, plane[0]), height_over(plane, x))
     s0 = closing_speed(hull, k, plane, R, v, w)
@@ -406,12 +417,12 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         t = rest
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
         if clear <= TOUCH:
-            k, clear = lowest_open(hull, plane, quat1, x1, contacts)
+            clear = clearance(hull, plane, quat1, x1, contacts)
             if clear < -TOUCH:
                 if impact < MAX_IMPACTS:
                     t, x1, quat1, v1, w1, n = locate(
                         body, hull, plane, law, a, torque,
-                        x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, rest, clear, k,
+                        x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, rest,
                     )  # fmt: skip
                 else:
                     x1, quat1, v1, w1, n = plastic(
