@@ -58,10 +58,15 @@ from .model import (
     unpack,
 )
 
+STIFF = (0.0, 0.0)
+"""No spring: forces come from accelerations alone."""
+
 
 @jit
-def contact_force(body, hull, k, plane, mu, R, a_free, w_dot_free, v, w):
-    """Eq. 7 of one point, or Eq. 11 if it slides with friction, all in body axes.
+def contact_force(body, hull, k, plane, mu, spring, R, height, a_free, w_dot_free, v, w):
+    """Eq. 9 of one point, with Eq. 11's denominator if it slides with friction, all in body axes.
+
+    With a spring of (α, β) = (0, 0) it is Eq. 7.
 
     Returns:
         (f, F): the normal force, N, and the whole force, N. f is NaN where Eq. 11's denominator is
@@ -70,7 +75,9 @@ def contact_force(body, hull, k, plane, mu, R, a_free, w_dot_free, v, w):
     _m, inv_m, _J, inv_J, _bound = body
     N = to_body(R, plane[0])
     b, q = arm(hull, k, N)
+    alpha, beta = spring
     l = free_acceleration(N, b, q, a_free, w_dot_free, w)
+    l += 2.0 * alpha * normal_speed(N, q, v, w) + beta * beta * gap(hull, k, N, height)
     direction = N
     if mu > 0.0:
         u = axpy(1.0, v, cross(w, q))
@@ -132,7 +139,7 @@ def close(hull, plane, x, quat, v, w, contacts):
 
 
 @stage
-def forces(body, hull, plane, mu, a, torque, x, quat, v, w, contacts, f):
+def forces(body, hull, plane, mu, spring, a, torque, x, quat, v, w, contacts, f):
     """Accelerations (ẍ world, ẇ body) of Eqs. 1-3 with every closed contact's force; f is filled."""
     _m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
@@ -140,10 +147,11 @@ def forces(body, hull, plane, mu, a, torque, x, quat, v, w, contacts, f):
     v_b = to_body(R, v)
     w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
     x_ddot, w_ddot = a_b, w_dot
+    height = height_over(plane, x)
     for k in range(hull.shape[0]):
         f[k] = 0.0
         if contacts[k, 0] == CLOSED:
-            f[k], F = contact_force(body, hull, k, plane, mu, R, a_b, w_dot, v_b, w)
+            f[k], F = contact_force(body, hull, k, plane, mu, spring, R, height, a_b, w_dot, v_b, w)
             if f[k] > 0.0:
                 _b, q = arm(hull, k, N)
                 x_ddot, w_ddot = push(inv_m, inv_J, q, F, x_ddot, w_ddot)
@@ -178,7 +186,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     for _ in range(n):
         x, quat, v, w = collide(body_, hull, plane_, e, every_frame, x, quat, v, w, contacts)
         close(hull, plane_, x, quat, v, w, contacts)
-        x_ddot, w_ddot = forces(body_, hull, plane_, mu, a_, torque_, x, quat, v, w, contacts, f)
+        x_ddot, w_ddot = forces(body_, hull, plane_, mu, STIFF, a_, torque_, x, quat, v, w, contacts, f)
         if np.isnan(f).any():
             return PAINLEVE
         v = axpy(h, x_ddot, v)
@@ -189,7 +197,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
             return NOT_FINITE
         store(state, x, quat, v, w)
     close(hull, plane_, x, quat, v, w, contacts)
-    forces(body_, hull, plane_, mu, a_, torque_, x, quat, v, w, contacts.copy(), f)
+    forces(body_, hull, plane_, mu, STIFF, a_, torque_, x, quat, v, w, contacts.copy(), f)
     return PAINLEVE if np.isnan(f).any() else OK
 
 

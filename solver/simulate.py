@@ -1,11 +1,12 @@
 """Run a scene from a state for a while, by a method."""
 
 from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 
 import numpy as np
 
-from . import acceleration, impulse
+from . import acceleration, baumgarte, impulse
 from .errors import SolverError, finite, number, one_of
 from .model import MEMORY, NOT_FINITE, PAINLEVE, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
@@ -13,13 +14,19 @@ from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_princ
 METHODS = {
     "acceleration": "the article as written: contact forces (Eq. 7) each step, an impulse (Eq. 8) on "
     "collision; each touching point by itself, so several points push too hard and none sticks",
+    "baumgarte": "the article's spring and damper against drift (Eq. 9); each touching point by itself, "
+    "the step short against the spring, and an overlap throws the body out",
     "impulse": "time stepping with impulses, second order: the single contact solve swept over the "
     "closed contacts, friction and restitution",
 }
 """Name of each method: what it is."""
 
-_KERNELS = {"acceleration": acceleration.run, "impulse": impulse.run}
-_OPTIONS: dict[str, dict[str, bool]] = {"acceleration": {"every_frame": False}, "impulse": {}}
+_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run}
+_OPTIONS: dict[str, dict[str, bool | float]] = {
+    "acceleration": {"every_frame": False},
+    "baumgarte": {"alpha": baumgarte.ALPHA, "beta": baumgarte.BETA},
+    "impulse": {},
+}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
@@ -40,7 +47,7 @@ class Run:
         w: (T, [n,] 3) rad/s, world axes.
         energy: (T, [n]) J.
         f: (T, [n,] p) normal force of each hull point, N: with "impulse" the mean since the record
-            before (0 at the start), with "acceleration" the force at the record.
+            before (0 at the start), with the others the force at the record.
         state: the last state.
     """
 
@@ -64,6 +71,7 @@ def simulate(
     torque: object = None,
     record_every: int = 1,
     options: dict | None = None,
+    threads: int = 1,
 ) -> Run:
     """Run the scene from a state.
 
@@ -80,7 +88,9 @@ def simulate(
         force: (3,) N in world axes, or a callable of t, read at the records and held between them.
         torque: the same in body axes, N m.
         record_every: steps between records.
-        options: of the method; "acceleration" takes every_frame=True (Eq. 8 each step).
+        options: of the method; "acceleration" takes every_frame=True (Eq. 8 each step), "baumgarte"
+            alpha and beta (1/s).
+        threads: how many work on a batch; the result's bits do not depend on it.
 
     Returns:
         The record, and the last state.
@@ -98,6 +108,8 @@ def simulate(
     one_of("method", method, METHODS)
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
+    if not isinstance(threads, int | np.integer) or threads < 1:
+        raise ValueError(f"threads must be a whole number >= 1, got {threads!r}")
     flags = _options(method, options)
     force_at = _schedule("force", force)
     torque_at = _schedule("torque", torque)
@@ -121,24 +133,33 @@ def simulate(
     def run_all(n, h, t, f):
         a = scene.gravity + force_at(times[-1]) / body.m
         tau = to_principal(body, torque_at(times[-1]))
-        for j, row in enumerate(rows):
-            flag = kernel(*scene.parameters, a, tau, row, memory[j], f[j], flags, h, n)
-            if flag:
-                index = j if state.x.ndim == 2 else None
-                raise SolverError(_REASONS[flag], t, from_kernel(body, row), index)
+
+        def share(first):
+            for j in range(first, len(rows), threads):
+                flag = kernel(*scene.parameters, a, tau, rows[j], memory[j], f[j], flags, h, n)
+                if flag:
+                    return j, flag
+            return len(rows), 0
+
+        # the failed body of lowest index, whoever had it
+        j, flag = min(pool.map(share, range(threads)) if threads > 1 else [share(0)])
+        if flag:
+            index = j if state.x.ndim == 2 else None
+            raise SolverError(_REASONS[flag], t, from_kernel(body, rows[j]), index)
 
     kernel = _KERNELS[method]
-    run_all(0, dt, 0.0, forces[0])
-    for start in starts:
-        stop = min(start + record_every, total)
-        f = np.zeros_like(forces[0])
-        run_all(min(stop, whole) - start, dt, start * dt, f)
-        if stop > whole:
-            run_all(1, short, whole * dt, f)
-        if stop - start == record_every:
-            times.append(duration if stop > whole else stop * dt)
-            history.append(rows.copy())
-            forces.append(f)
+    with ThreadPoolExecutor(threads) as pool:  # it starts no thread before it has work
+        run_all(0, dt, 0.0, forces[0])
+        for start in starts:
+            stop = min(start + record_every, total)
+            f = np.zeros_like(forces[0])
+            run_all(min(stop, whole) - start, dt, start * dt, f)
+            if stop > whole:
+                run_all(1, short, whole * dt, f)
+            if stop - start == record_every:
+                times.append(duration if stop > whole else stop * dt)
+                history.append(rows.copy())
+                forces.append(f)
 
     batch = state.x.shape[:-1]
     past = from_kernel(body, np.concatenate(history))
@@ -173,7 +194,9 @@ def _options(method: str, options: dict | None) -> np.ndarray:
         if name not in known:
             allowed = ", ".join(map(repr, known)) or "none"
             raise ValueError(f"options of {method!r} are {allowed}; got {name!r}")
-        if not isinstance(value, bool):
+        if not isinstance(known[name], bool):
+            number(f"options[{name!r}]", value, low=0.0)
+        elif not isinstance(value, bool):
             raise ValueError(f"options[{name!r}] must be True or False, got {value!r}")
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)
 

@@ -49,6 +49,11 @@ NAN = float("nan")
             lambda: simulate(SCENE, REST, 1, method="acceleration", options={"every_frame": 2}),
             ["every_frame", "True or False", "2"],
         ),
+        (
+            lambda: simulate(SCENE, REST, 1, method="baumgarte", options={"beta": -1}),
+            ["options['beta'] must be >= 0", "-1"],
+        ),
+        (lambda: simulate(SCENE, REST, 1, threads=0), ["threads", ">= 1", "0"]),
         (lambda: simulate(SCENE, "here", 1), ["state must be a State", "here"]),
         (
             lambda: simulate(SCENE, State([0, 0, 0.4], [1, 0, 0, 0], [0] * 3, [0] * 3), 1),

@@ -35,7 +35,7 @@ def test_quantities_are_those_of_the_equations(seed):
             assert getattr(contact, name)[k] == pytest.approx(expected, rel=1e-9, abs=1e-9)
 
 
-@pytest.mark.parametrize("method", ["acceleration", "impulse"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("seed", RANDOM)
 def test_velocity_jumps_by_eq_8(method, seed):
     _, scene, x, quat, v, w = draw(seed)
@@ -48,7 +48,7 @@ def test_velocity_jumps_by_eq_8(method, seed):
     np.testing.assert_allclose(measured, a.jump(a.i), rtol=1e-9, atol=1e-9)
 
 
-@pytest.mark.parametrize("method", ["acceleration", "impulse"])
+@pytest.mark.parametrize("method", METHODS)
 @pytest.mark.parametrize("seed", RANDOM)
 def test_acceleration_is_that_of_eqs_6_and_7(method, seed):
     rng, scene, x, quat, v, w = draw(seed)
@@ -63,7 +63,7 @@ def test_acceleration_is_that_of_eqs_6_and_7(method, seed):
         assert run.f[1, 0] == pytest.approx(a.f, rel=100 * dt + 1e-9, abs=100 * dt)
         return np.concatenate([run.v[1] - v, run.w[1] - w]) / dt
 
-    if method == "acceleration":  # explicit: exact at any step
+    if method != "impulse":  # explicit: exact at any step
         np.testing.assert_allclose(measured(1e-4), expected, rtol=1e-9, atol=1e-9)
     else:  # extrapolated to a step of none
         h = 1e-3
@@ -95,6 +95,27 @@ def test_acceleration_drifts_off_the_surface_and_impulse_does_not():
     held = simulate(scene, state, 0.05, dt=2e-4, method="impulse")
     assert abs(scene.gap(held.state)[0]) < 1e-12
     assert drift[1] > 1e-7
+
+
+def test_baumgarte_pulls_the_gap_back_until_its_step_is_too_long():
+    """Eq. 9: a gap of −c/β² is left, and the semi-implicit step is stable for βh < 2 √(1 − αh)."""
+    scene = Scene(Body(1.0, (0.01, 0.01, 0.006), [(0, 0.03, -0.1)]))
+    state = State([0, 0, 0.1], [1, 0, 0, 0], [0, 0, 0], [0, 0.5, 20])
+    state = State(state.x, state.quat, [0, 0, -scene.contact(state).v[0]], state.w)
+    h = 5e-4
+
+    def worst(**kwargs):
+        run = simulate(scene, state, 1.0, dt=h, **kwargs)
+        return np.abs(scene.gap(State(run.x, run.quat, run.v, run.w))).max()
+
+    def pulled(stiffness):
+        return worst(method="baumgarte", options={"alpha": stiffness / h, "beta": stiffness / h})
+
+    drift = worst(method="acceleration")
+    assert pulled(0.0) == pytest.approx(drift, rel=1e-3)  # no spring: Eq. 7
+    assert worst(method="baumgarte") < 0.6 * drift
+    assert pulled(0.8) < 0.01 * drift  # below the limit of 2 √2 − 2 = 0.83
+    assert pulled(1.2) > 10 * pulled(0.8)
 
 
 def test_acceleration_fails_as_told_on_several_points():

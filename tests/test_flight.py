@@ -78,6 +78,9 @@ def test_a_run_can_be_cut_anywhere_and_batches_run_alike():
     for i in range(3):
         assert (alone[i].x == run.x[:, i]).all()
         assert (alone[i].quat == run.quat[:, i]).all()
+    shared = simulate(scene, state, 1.0, threads=2)
+    assert (shared.x == run.x).all()
+    assert (shared.f == run.f).all()
     coarse = simulate(scene, state, 1.0, record_every=60)
     assert (coarse.x == run.x[::60]).all()
 
