@@ -89,7 +89,17 @@ def _newton(K, mu, b_n, r1, r2, s1, s2):
 
 
 @jit
-def cone_impulse(K, inv_K, mu, b, r, guess):
+def _holding(inv_K, b):
+    """p = −K⁻¹ b."""
+    return (
+        -(inv_K[0] * b[0] + inv_K[1] * b[1] + inv_K[2] * b[2]),
+        -(inv_K[1] * b[0] + inv_K[3] * b[1] + inv_K[4] * b[2]),
+        -(inv_K[2] * b[0] + inv_K[4] * b[1] + inv_K[5] * b[2]),
+    )
+
+
+@jit
+def cone_impulse(K, inv_K, mu, b, r, guess, slip):
     """Impulse p at one contact such that u = u_free + K p meets the target, inside the friction cone.
 
     It sticks (all three components on target) while |p_t| ≤ μ p_n. Otherwise it slides: the normal
@@ -104,6 +114,9 @@ def cone_impulse(K, inv_K, mu, b, r, guess):
         b: (3,) u_free − target, m/s.
         r: (2,) what the slip direction is measured from, m/s.
         guess: (2,) tangential impulse against which it may slip; (0, 0) if not known.
+        slip: (2,) twice the mean slip over the step if it holds, m/s. Where friction would push along
+            that, it would do work: then the contact holds on average, without any mean slip. (0, 0)
+            for a blow, which has no duration.
 
     Returns:
         (p_n, p_1, p_2), N s. Zero if the contact separates by itself (b_n ≥ 0).
@@ -113,9 +126,9 @@ def cone_impulse(K, inv_K, mu, b, r, guess):
     frictionless = -b[0] / K[0]
     if mu == 0.0:
         return frictionless, 0.0, 0.0
-    p_n = -(inv_K[0] * b[0] + inv_K[1] * b[1] + inv_K[2] * b[2])
-    p_1 = -(inv_K[1] * b[0] + inv_K[3] * b[1] + inv_K[4] * b[2])
-    p_2 = -(inv_K[2] * b[0] + inv_K[4] * b[1] + inv_K[5] * b[2])
+    p_n, p_1, p_2 = _holding(inv_K, b)
+    if p_1 * slip[0] + p_2 * slip[1] > 0.0:
+        p_n, p_1, p_2 = _holding(inv_K, (b[0], b[1] + slip[0], b[2] + slip[1]))
     if p_n >= 0.0 and p_1 * p_1 + p_2 * p_2 <= mu * mu * p_n * p_n:
         return p_n, p_1, p_2
 

@@ -41,6 +41,9 @@ ON_CONE = 0.999
 """A force that fills so much of its cone slides; then sweeping is quicker than trying to stick, unless
 what slides is all but still."""
 
+PUSHED = 1e-4
+"""Of m (g h)²: friction that holds where it slipped may do so much work, from rounding in the slip."""
+
 SWEEPS = 12
 AGREED = 1e-4
 """Of g h: how well the sweeps agree. What is left is taken up by the next step, which starts from
@@ -126,6 +129,17 @@ def change(a, b):
 
 
 @jit
+def work(rows, n, v, w):
+    """Twice the work of friction over a step that begins at (v, w) and holds every contact, J."""
+    total = 0.0
+    for c in range(n):
+        u = add(v, cross(w, vec2(rows, c, Q)))
+        u = in_axes(rows, c, add(u, vec2(rows, c, AIM)))
+        total += rows[c, P + 1] * u[1] + rows[c, P + 2] * u[2]
+    return total
+
+
+@jit
 def hold(body, hull, height, R, mu, a, v_before, w_before, v, w, contacts, rows, n, h):
     """The velocities after the impulses of n contacts.
 
@@ -160,19 +174,19 @@ def hold(body, hull, height, R, mu, a, v_before, w_before, v, w, contacts, rows,
         rests = change(v1, v_before) < REST and change(w1, w_before) < REST
         return (v_before, w_before) if rests else (v1, w1)
     gh = h * sqrt(dot(a, a))
+    before = to_body(R, v_before)
     if n > 1 and (not slide or (mu > 0.0 and far < gh)):
         done, v2, w2 = stick(rows, n, m, inv_m, J, inv_J, mu, v1, w1, F, T)
-        if done:
+        if done and work(rows, n, before, w_before) <= PUSHED * m * gh * gh:
             return to_world(R, v2), w2
         guess(mu, contacts, rows, n, h)
-    before = to_body(R, v_before)
     for c in range(n):
         fill(rows, c, inv_m, inv_J, mu, before, w_before)
         put2(rows, c, TARGET, in_axes(rows, c, vec2(rows, c, AIM)))
     enough = max(FINEST, AGREED * gh)
-    v1, w1, left = agree(rows, n, inv_m, mu, 1.0, v1, w1, SWEEPS, enough)
+    v1, w1, left = agree(rows, n, inv_m, mu, 1.0, 1.0, v1, w1, SWEEPS, enough)
     if left > COLD + gh:
         for c in range(n):
             put2(rows, c, P, (0.0, 0.0, 0.0))
-        v1, w1, left = agree(rows, n, inv_m, mu, 1.0, v_b, w, STRIKE_SWEEPS, enough)
+        v1, w1, left = agree(rows, n, inv_m, mu, 1.0, 1.0, v_b, w, STRIKE_SWEEPS, enough)
     return to_world(R, v1), w1

@@ -150,7 +150,7 @@ def apply(rows, c, inv_m, mu, p, v, w):
 
 
 @stage
-def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
+def agree(rows, n, inv_m, mu, mean_slip, lasting, v, w, sweeps, tolerance):
     """Sweep the single contact solve over n rows until their impulses agree.
 
     Two sweeps whose changes are alike show how the rest would go on, so every second one is
@@ -162,6 +162,7 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
         inv_m: 1/m.
         mu: friction coefficient.
         mean_slip: 1.0: friction opposes the mean of the slip before and after; 0.0: the slip after.
+        lasting: 1.0: a contact that lasts, whose friction works over the whole step; 0.0: a blow.
         v: velocity, body axes.
         w: angular velocity, body axes.
         sweeps: at most so many.
@@ -192,11 +193,11 @@ def agree(rows, n, inv_m, mu, mean_slip, v, w, sweeps, tolerance):
                 u[1] - own[1] - target[1],
                 u[2] - own[2] - target[2],
             )
-            r = (
-                u[1] - own[1] + mean_slip * rows[c, SLIP],
-                u[2] - own[2] + mean_slip * rows[c, SLIP + 1],
-            )
-            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r, (p[1], p[2]))
+            slip = (rows[c, SLIP], rows[c, SLIP + 1])
+            r = (u[1] - own[1] + mean_slip * slip[0], u[2] - own[2] + mean_slip * slip[1])
+            # held on target, it slips by half of this over the step
+            slip = (lasting * (slip[0] + target[1]), lasting * (slip[1] + target[2]))
+            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r, (p[1], p[2]), slip)
             dp = (p_new[0] - p[0], p_new[1] - p[1], p_new[2] - p[2])
             put2(rows, c, P, p_new)
             v, w = apply(rows, c, inv_m, mu, dp, v, w)
@@ -260,7 +261,7 @@ def strike(rows, n, m, inv_m, J, mu, v, w):
     before = kinetic_energy(m, J, v, w)
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
-    v1, w1, _change = agree(rows, n, inv_m, mu, 1.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
+    v1, w1, _change = agree(rows, n, inv_m, mu, 1.0, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
     if kinetic_energy(m, J, v1, w1) <= before:
         return v1, w1
 
@@ -268,7 +269,7 @@ def strike(rows, n, m, inv_m, J, mu, v, w):
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
         put2(rows, k, TARGET, (0.0, 0.0, 0.0))
-    v0, w0, _change = agree(rows, n, inv_m, mu, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
+    v0, w0, _change = agree(rows, n, inv_m, mu, 0.0, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
     # Sweeps cut short may leave a gain: then stop on the way from no impulse at all.
     s, v0, w0 = no_gain(m, J, before, v, w, v0, w0)
     for k in range(n):
