@@ -150,6 +150,13 @@ def lowest_open(hull, plane, quat, x, contacts):
     return at, deepest
 
 
+@jit
+def came_down(hull, plane, quat, x, quat1, x1, contacts):
+    """Was the OPEN point that is deepest at the end above the surface at the start, or on it?"""
+    k, _depth = lowest_open(hull, plane, quat1, x1, contacts)
+    return gap(hull, k, to_body(matrix(quat), plane[0]), height_over(plane, x)) >= -TOUCH
+
+
 @stage
 def collide(body, hull, plane, law, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
@@ -241,14 +248,42 @@ def commit(rows, n, plane, contacts, push, h, whole):
     return opened
 
 
-@jit
-def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
+@stage
+def project(body, hull, plane, x, quat, w, contacts, rows, n, clear):
     """Positions alone, along M⁻¹Wᵀ: the first n rows' points onto the surface, or out of it.
 
-    A CLOSED point goes onto the surface from either side, any other only out of it. The corrections
-    are of third order in the step, so they add up to first order in themselves. The world's angular
-    momentum stays, so w turns with the body.
+    A CLOSED point goes onto the surface from either side, any other only out of it; one that the
+    correction itself turns into the ground joins. The world's angular momentum stays, so w turns with
+    the body.
+
+    Returns:
+        (x, quat, w, clear): the last as in `step`.
     """
+    for _ in range(MAX_ROUNDS):
+        x, quat, w, moved = shove(body, hull, plane, x, quat, w, contacts, rows, n)
+        clear -= moved
+        if moved == 0.0 or clear > TOUCH:
+            break
+        clear = clearance(hull, plane, quat, x, contacts)
+        if clear >= -SHARED_TOLERANCE:
+            break
+        N_b = to_body(matrix(quat), plane[0])
+        n = 0
+        for k in range(hull.shape[0]):
+            if contacts[k, 0] == CLOSED or gap(hull, k, N_b, height_over(plane, x)) < 0.0:
+                rows[n, POINT] = k
+                n += 1
+    return x, quat, w, clear
+
+
+@jit
+def shove(body, hull, plane, x, quat, w, contacts, rows, n):
+    """One correction for the first n rows' points, to first order in itself: it is small.
+
+    Returns:
+        (x, quat, w, moved): the last is more than any hull point has moved, m; 0 if nothing was off.
+    """
+    _m, inv_m, J, inv_J, bound = body
     N = plane[0]
     N_b = to_body(matrix(quat), N)
     height = height_over(plane, x)
@@ -259,7 +294,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
         g = gap(hull, k, N_b, height)
         worst = max(worst, abs(g) if contacts[k, 0] == CLOSED else -g)
     if worst <= tolerance:
-        return x, quat, w
+        return x, quat, w, 0.0
 
     for c in range(n):
         _b, q = arm(hull, int(rows[c, POINT]), N_b)
@@ -282,7 +317,7 @@ def project(J, inv_m, inv_J, hull, plane, x, quat, w, contacts, rows, n):
         if worst <= tolerance:
             break
     quat, w = turn(J, inv_J, quat, w, e)
-    return axpy(lift, N, x), quat, w
+    return axpy(lift, N, x), quat, w, abs(lift) + 2.0 * bound * sqrt(dot(e, e))
 
 
 @jit
@@ -293,7 +328,7 @@ def descent(g0, s0, g1, s1, h):
     """
     c2 = 3.0 * (g1 - g0) - h * (2.0 * s0 + s1)
     c3 = 2.0 * (g0 - g1) + h * (s0 + s1)
-    u = g0 / (g0 - g1)
+    u = 1.0 if s1 < 0.0 else g0 / (g0 - g1)
     for _ in range(MAX_CUBIC):
         slope = h * s0 + u * (2.0 * c2 + u * 3.0 * c3)
         if slope >= 0.0:
@@ -419,7 +454,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         if clear <= TOUCH:
             clear = clearance(hull, plane, quat1, x1, contacts)
             if clear < -TOUCH:
-                if impact < MAX_IMPACTS:
+                if impact < MAX_IMPACTS and came_down(hull, plane, quat, x, quat1, x1, contacts):
                     t, x1, quat1, v1, w1, n = locate(
                         body, hull, plane, law, a, torque,
                         x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, rest,
@@ -432,7 +467,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         if commit(rows, n, plane, contacts, push, t, h):
             clear = 0.0
         v = v1
-        x, quat, w = project(body[2], body[1], body[3], hull, plane, x1, quat1, w1, contacts, rows, n)
+        x, quat, w, clear = project(body, hull, plane, x1, quat1, w1, contacts, rows, n, clear)
         rest -= t
         if rest <= 0.0:
             break
