@@ -38,7 +38,7 @@ def test_housners_block_rocks_as_long_and_loses_as_much_as_he_says():
     assert run.t[k] + left[left >= 0].min() == pytest.approx(quarter, rel=2e-4)
     assert energy[k + 2] / energy[0] == pytest.approx((1 - 1.5 * np.sin(alpha) ** 2) ** 2, rel=2e-4)
     later = simulate(scene, state, 3.0)
-    assert (np.diff(later.energy) <= 1e-6 * energy[0]).all()
+    assert (np.diff(later.energy) <= 1e-6 * later.energy[0]).all()
 
 
 def test_a_slope_inside_the_friction_cone_does_not_creep():
