@@ -1,0 +1,1 @@
+"""Method "exact": closed forms and error-controlled quadrature between events."""
