@@ -349,6 +349,31 @@ def descent(g0, s0, g1, s1, h):
 
 
 @stage
+def dip(hull, plane, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
+    """When, in a step of h seconds, an OPEN point is deepest that has been below the surface in between.
+
+    By the cubic through its gap and speed at both ends, of which neither is below. 0 if there is none.
+    """
+    R, R1 = matrix(quat), matrix(quat1)
+    N_b, N_b1 = to_body(R, plane[0]), to_body(R1, plane[0])
+    deepest, when = -TOUCH, 0.0
+    for k in range(hull.shape[0]):
+        s0 = h * closing_speed(hull, k, plane, R, v, w)
+        s1 = h * closing_speed(hull, k, plane, R1, v1, w1)
+        if contacts[k, 0] == OPEN and s0 < 0.0 < s1:
+            g0 = gap(hull, k, N_b, height_over(plane, x))
+            g1 = gap(hull, k, N_b1, height_over(plane, x1))
+            c2 = 3.0 * (g1 - g0) - 2.0 * s0 - s1
+            c3 = 2.0 * (g0 - g1) + s0 + s1
+            # the cubic's minimum: the only root of its slope in (0, 1)
+            u = -s0 / (c2 + sqrt(max(0.0, c2 * c2 - 3.0 * c3 * s0)))
+            g = g0 + u * (s0 + u * (c2 + u * c3))
+            if g < deepest:
+                deepest, when = g, u * h
+    return when
+
+
+@stage
 def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h):
     """Time of the first touch within (0, h]: Newton on the step map, in a bracket, from a cubic guess.
 
@@ -414,6 +439,13 @@ def reach(bound, v, w, h):
 
 
 @jit
+def sagitta(bound, a, w, w1, h):
+    """More than any hull point's path in h seconds sags below the line between its ends, m."""
+    w2 = 1.6 * max(dot(w, w), dot(w1, w1))
+    return 0.125 * h * h * (sqrt(dot(a, a)) + 2.0 * bound * w2)
+
+
+@jit
 def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """One step of h seconds. `contacts` and `push` (impulses in world axes, summed) are updated.
 
@@ -464,11 +496,24 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
         if clear <= TOUCH:
             clear = clearance(hull, plane, quat1, x1, contacts)
+            end = rest
+            if -TOUCH <= clear < sagitta(bound, a, w, w1, rest):
+                end = dip(hull, plane, x, quat, v, w, x1, quat1, v1, w1, contacts, rest)
+                if end > 0.0:
+                    there = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, end)
+                    clear = clearance(hull, plane, there[1], there[0], contacts)
+                    if clear < -TOUCH:
+                        x1, quat1, v1, w1, n = there
+                    else:  # the cubic was wrong: take the whole step again
+                        x1, quat1, v1, w1, n = trial(
+                            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
+                        )
+                        clear = 0.0
             if clear < -TOUCH:
                 if impact < MAX_IMPACTS and came_down(hull, plane, quat, x, quat1, x1, contacts):
                     t, x1, quat1, v1, w1, n = locate(
                         body, hull, plane, law, a, torque,
-                        x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, rest,
+                        x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, end,
                     )  # fmt: skip
                 else:
                     x1, quat1, v1, w1, n = plastic(
