@@ -45,7 +45,7 @@ PUSHED = 1e-4
 """Of m (g h)²: friction that holds where it slipped may do so much work, from rounding in the slip."""
 
 SWEEPS = 12
-AGREED = 1e-4
+AGREED = 5e-4
 """Of g h: how well the sweeps agree. What is left is taken up by the next step, which starts from
 this one's forces."""
 
