@@ -168,6 +168,14 @@ def turn_by(quat, w, h):
     return turned(quat, scale(0.5 * h if half < 1e-9 else tan(half) / speed, w))
 
 
+@jit
+def euler(x, quat, v, w, x_ddot, w_ddot, h):
+    """Semi-implicit Euler: the velocities, then the pose with them."""
+    v = axpy(h, x_ddot, v)
+    w = axpy(h, w_ddot, w)
+    return axpy(h, v, x), turn_by(quat, w, h), v, w
+
+
 @entry
 def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place; the arguments are those of `impulse.run`.
@@ -189,10 +197,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         x_ddot, w_ddot = forces(body_, hull, plane_, mu, STIFF, a_, torque_, x, quat, v, w, contacts, f)
         if np.isnan(f).any():
             return PAINLEVE
-        v = axpy(h, x_ddot, v)
-        w = axpy(h, w_ddot, w)
-        x = axpy(h, v, x)
-        quat = turn_by(quat, w, h)
+        x, quat, v, w = euler(x, quat, v, w, x_ddot, w_ddot, h)
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         store(state, x, quat, v, w)

@@ -16,8 +16,8 @@ It is here to be compared, and to show where it fails.
 
 import numpy as np
 
-from .acceleration import forces, turn_by
-from .algebra import axpy, entry, matrix, stage, to_body, to_world, vec
+from .acceleration import euler, forces
+from .algebra import entry, matrix, scale, stage, to_body, to_world, vec
 from .contact import impulse, inverse_mass, normal_speed, push
 from .model import (
     CLOSED,
@@ -57,7 +57,7 @@ def arrive(body, hull, plane, e, x, quat, v, w, contacts):
             speed = normal_speed(N, q, v_b, w)
             if speed < -TOUCH:
                 i = impulse(inverse_mass(inv_m, inv_J, N, q), speed, e)
-                v1, w1 = push(inv_m, inv_J, q, (i * N[0], i * N[1], i * N[2]), v1, w1)
+                v1, w1 = push(inv_m, inv_J, q, scale(i, N), v1, w1)
     return to_world(R, v1), w1
 
 
@@ -81,10 +81,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         x_ddot, w_ddot = forces(body_, hull, plane_, mu, spring, a_, torque_, x, quat, v, w, contacts, f)
         if np.isnan(f).any():
             return PAINLEVE
-        v = axpy(h, x_ddot, v)
-        w = axpy(h, w_ddot, w)
-        x = axpy(h, v, x)
-        quat = turn_by(quat, w, h)
+        x, quat, v, w = euler(x, quat, v, w, x_ddot, w_ddot, h)
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         store(state, x, quat, v, w)

@@ -38,7 +38,7 @@ TARGET = 49  # AIM along N, t1, t2
 SLIP = 52  # tangential velocity before the impulse, m/s
 STEP = 54  # what the last sweep changed of P, N s
 WIDTH = 57
-# What `impulse.project` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
+# What `project.shove` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
 RISE = 19
 ROLL = 20
 

@@ -3,6 +3,12 @@
 import numpy as np
 
 
+def turned(axis, angle):
+    """Quaternion of a turn about an axis."""
+    axis = np.asarray(axis, float) / np.linalg.norm(axis)
+    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis])
+
+
 def rotation(quat):
     w, x, y, z = quat
     return np.array(

@@ -2,17 +2,12 @@
 
 import numpy as np
 import pytest
-from oracle import random_body, random_quat, rotation, touching
+from oracle import random_body, random_quat, rotation, touching, turned
 
 from solver import Body, Plane, Scene, State, simulate
 
 UPRIGHT = [1, 0, 0, 0]
 ZERO = [0, 0, 0]
-
-
-def turned(axis, angle):
-    axis = np.asarray(axis, float) / np.linalg.norm(axis)
-    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis])
 
 
 @pytest.mark.parametrize("seed", range(40))

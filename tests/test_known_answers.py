@@ -2,19 +2,11 @@
 
 import numpy as np
 import pytest
+from oracle import rotation, turned
 
 from solver import Body, Plane, Scene, State, simulate
 
 ZERO = [0.0, 0.0, 0.0]
-
-
-def turned(axis, angle):
-    return np.r_[np.cos(angle / 2), np.sin(angle / 2) * np.array(axis, float)]
-
-
-def rotation(axis, angle, vector):
-    a, v = np.array(axis, float), np.array(vector, float)
-    return v * np.cos(angle) + np.cross(a, v) * np.sin(angle) + a * (a @ v) * (1 - np.cos(angle))
 
 
 def test_housners_block_rocks_as_long_and_loses_as_much_as_he_says():
@@ -29,7 +21,7 @@ def test_housners_block_rocks_as_long_and_loses_as_much_as_he_says():
     quarter = 0.5 * np.sqrt(tilt) * (weights * 2 / speed).sum()
 
     scene = Scene(Body.box(1.0, (2 * b, 0.2, 2 * h)), friction=5.0)
-    state = State(-rotation(y, tilt, [b, 0, -h]), turned(y, tilt), ZERO, ZERO)
+    state = State(-rotation(turned(y, tilt)) @ [b, 0, -h], turned(y, tilt), ZERO, ZERO)
     run = simulate(scene, state, 0.6)
     energy = run.energy - 9.81 * h
     k = np.flatnonzero(np.diff(energy) < -1e-3 * energy[0])[0]  # the impact is in the step after k
@@ -60,7 +52,7 @@ def test_the_tippe_top_turns_over():
     R, m, off, tilt, x_axis = 0.02, 0.02, 0.3 * 0.02, 0.5, [1.0, 0.0, 0.0]
     J = 0.4 * m * R**2
     scene = Scene(Body(m, (J, J, J), [(0, 0, off)], radius=R), friction=0.05)
-    up = rotation(x_axis, tilt, [0, 0, 1])
+    up = rotation(turned(x_axis, tilt)) @ [0, 0, 1]
     state = State([0, 0, R - off * up[2]], turned(x_axis, tilt), ZERO, 100 * up)
     run = simulate(scene, state, 5.0)
     w, x, y, z = run.quat.T
