@@ -55,6 +55,8 @@ from .model import (
 from .project import clearance, lowest_open, project
 from .sweep import (
     POINT,
+    STRIKE_SWEEPS,
+    STRIKE_TOLERANCE,
     TARGET,
     WIDTH,
     P,
@@ -167,7 +169,7 @@ def collide(body, hull, plane, law, slow, touch, x, quat, v, w, contacts, rows, 
             put2(rows, n, TARGET, (target, 0.0, 0.0))
             n += 1
     if struck:
-        v_b, w = strike(rows, n, m, inv_m, J, mu, v_b, w)
+        v_b, w = strike(rows, n, m, inv_m, J, mu, v_b, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
         v = to_world(R, v_b)
     for c in range(n):
         k = int(rows[c, POINT])

@@ -17,7 +17,7 @@ MEMORY = 4
 OPEN, CLOSED, LATE = 0.0, 1.0, 2.0
 
 # Flags that kernels return.
-OK, NOT_FINITE, PAINLEVE = 0, 1, 2
+OK, NOT_FINITE, PAINLEVE, STUCK = 0, 1, 2, 3
 
 
 @jit

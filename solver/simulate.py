@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import acceleration, baumgarte, impulse
+from .exact import run as exact
 from .errors import SolverError, finite, number, one_of
-from .model import MEMORY, NOT_FINITE, PAINLEVE, TOUCH
+from .model import MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
 METHODS = {
@@ -18,17 +19,22 @@ METHODS = {
     "the step short against the spring, and an overlap throws the body out",
     "impulse": "time stepping with impulses, second order: the single contact solve swept over the "
     "closed contacts, friction and restitution",
+    "exact": "event driven: closed-form flight, certified time of impact, energetic frictional impact, "
+    "sustained contact of high order with located transitions; dt is the recording interval",
 }
 """Name of each method: what it is."""
 
-_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run}
+_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run, "exact": exact.run}
 _OPTIONS: dict[str, dict[str, bool | float]] = {
     "acceleration": {"every_frame": False},
     "baumgarte": {"alpha": baumgarte.ALPHA, "beta": baumgarte.BETA},
     "impulse": {},
+    "exact": {"tol": exact.TOL},
 }
+_EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
+    STUCK: "events follow one another without end; another method may pass them",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
 }
 WHOLE_STEP = 1e-6
@@ -113,7 +119,7 @@ def simulate(
     flags = _options(method, options)
     force_at = _schedule("force", force)
     torque_at = _schedule("torque", torque)
-    _refuse_deep(scene, state)
+    _refuse_deep(scene, state, exactly=method == "exact")
 
     steps = duration / dt
     whole = round(steps) if abs(steps - round(steps)) <= WHOLE_STEP else int(steps)
@@ -123,7 +129,7 @@ def simulate(
 
     body, points = scene.body, len(scene.body.hull)
     rows = to_kernel(body, state)
-    memory = np.zeros((len(rows), points, MEMORY))
+    memory = np.zeros((len(rows), points + _EXTRA.get(method, 0), MEMORY))
     times = [0.0]
     history = [rows.copy()]
     forces = [np.zeros((len(rows), points))]
@@ -201,11 +207,10 @@ def _options(method: str, options: dict | None) -> np.ndarray:
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)
 
 
-def _refuse_deep(scene: Scene, state: State) -> None:
-    limit = -DEEPEST_START * scene.body.bounding_radius
+def _refuse_deep(scene: Scene, state: State, exactly: bool) -> None:
+    """A start too deep in the ground; "exact" takes none that is below it at all."""
+    limit = -TOUCH if exactly else -DEEPEST_START * scene.body.bounding_radius
+    allowed = "" if exactly else f" ({DEEPEST_START:.0%} of the hull's bounding radius)"
     deepest = scene.gap(state).min()
     if deepest < limit:
-        raise ValueError(
-            f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed "
-            f"({DEEPEST_START:.0%} of the hull's bounding radius)"
-        )
+        raise ValueError(f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed{allowed}")
