@@ -17,12 +17,29 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ..algebra import add, axpy, dot, jit, matrix, put, put2, put_quat, scale, stage, times, to_body, to_world, vec, vec2
+from ..algebra import (
+    add,
+    axpy,
+    dot,
+    jit,
+    matrix,
+    put,
+    put2,
+    put_quat,
+    scale,
+    six2,
+    stage,
+    times,
+    to_body,
+    to_world,
+    vec2,
+)
 from ..contact import centripetal, gyroscopic
 from ..flight import turn
+from ..friction import cone_impulse
 from ..kick import frame_in_body
 from ..model import arm, gap, height_over, load
-from ..sweep import ARM, AXES, POINT, SLIP, STEP, TARGET, TURN, WIDTH, P, Q, fill, place
+from ..sweep import ARM, AXES, INV_K, POINT, SLIP, STEP, TARGET, TURN, WIDTH, K, P, Q, fill, in_axes, place
 from .least_norm import least_norm
 
 # What is remembered of each hull point: how it touches, and two numbers along t1 and t2. Of a sharp
@@ -31,6 +48,13 @@ FREE, SLIDES, STICKS = 0.0, 1.0, 2.0
 
 STILL = 1e-12
 """m/s: slower than this a contact does not move, along the normal or across it."""
+
+ON_CONE = 1.0 - 1e-12
+"""Friction that fills so much of its cone slides."""
+
+SLAVED = 1e-9
+"""m/s: slip that is slower has the direction in which it can grow, or the one that it had. A smooth start
+of slip is stiff: steps would have to be shorter than its speed over what friction decelerates it by."""
 
 # What the equations are about.
 FORCE, POSE, MOTION = 0, 1, 2
@@ -53,6 +77,19 @@ def workspace(points):
     )  # fmt: skip
 
 
+@jit
+def scales(body, a, torque, y):
+    """What errors in (x, quat, v, w) are measured by: m, 1, m/s, rad/s; and forces, N."""
+    _x, _quat, v, w = load(y)
+    size = body[4]
+    pull = sqrt(dot(a, a))
+    spin = sqrt(dot(w, w))
+    fast = max(sqrt(dot(v, v)), spin * size, sqrt(pull * size))
+    twist = sqrt(dot(torque, torque))
+    weight = body[0] * (pull + spin * spin * size) + (twist / size if size > 0.0 else 0.0)
+    return size, max(fast, 1e-30), max(spin, fast / size if size > 0.0 else 0.0, 1e-30), max(weight, 1e-300)
+
+
 @stage
 def closed_rows(body, hull, plane, mu, y, contacts, rows):
     """A row for each contact that is not FREE, in body axes, with its velocity. Returns how many."""
@@ -73,10 +110,10 @@ def closed_rows(body, hull, plane, mu, y, contacts, rows):
 
 @jit
 def direction(rows, c, contacts):
-    """Of contact c's slip: what it is, or, as long as that is nothing, what it was or will be."""
+    """Of contact c's slip; of one that hardly slips, what is remembered."""
     s1, s2 = rows[c, SLIP], rows[c, SLIP + 1]
     speed = sqrt(s1 * s1 + s2 * s2)
-    if speed > STILL:
+    if speed > SLAVED:
         return s1 / speed, s2 / speed
     k = int(rows[c, POINT])
     return contacts[k, 1], contacts[k, 2]
@@ -127,6 +164,20 @@ def answer(m, space):
     return dv, dw
 
 
+@jit
+def begin_slip(hull, mu, contacts, rows, a_b, w, w_dot):
+    """The direction of a lone contact's slip that is about to grow from nothing: along its own growth."""
+    k = int(rows[0, POINT])
+    s1, s2 = rows[0, SLIP], rows[0, SLIP + 1]
+    if contacts[k, 0] == SLIDES and s1 * s1 + s2 * s2 <= SLAVED * SLAVED:
+        l = in_axes(rows, 0, add(a_b, centripetal(w, w_dot, vec2(hull, k, 0), vec2(rows, 0, Q))))
+        guess = (-contacts[k, 1], -contacts[k, 2])
+        p = cone_impulse(six2(rows, 0, K), six2(rows, 0, INV_K), mu, l, (l[1], l[2]), guess, (0.0, 0.0))
+        friction = sqrt(p[1] * p[1] + p[2] * p[2])
+        if friction > ON_CONE * mu * p[0] and friction > 0.0:
+            contacts[k, 1], contacts[k, 2] = -p[1] / friction, -p[2] / friction
+
+
 @stage
 def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
     """(ẍ, ẇ), body axes, with the forces of n closed contacts, which are left in their rows' P.
@@ -139,6 +190,8 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
     w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
     if n == 0:
         return a_b, w_dot, True
+    if n == 1 and mu > 0.0:
+        begin_slip(hull, mu, contacts, rows, a_b, w, w_dot)
     count = equations(hull, contacts, mu, inv_m, rows, n, FORCE, A, V)
     i = 0
     for c in range(n):
@@ -162,7 +215,9 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
         i += 1
         if mu > 0.0:
             u_dot = add(x_ddot, centripetal(w, w_ddot, vec2(hull, k, 0), vec2(rows, c, Q)))
-            rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(vec2(rows, c, AXES + 6), u_dot)
+            rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(
+                vec2(rows, c, AXES + 6), u_dot
+            )
     solvable = True
     if count == 1:
         k = 0.0

@@ -7,22 +7,32 @@ away; and friction holds what does not slip if it can, else slip begins against 
 
 from math import sqrt
 
-from ..algebra import matrix, put2, stage, to_body, vec2
+from ..algebra import add, axpy, matrix, put2, six2, stage, times, to_body, vec2
 from ..contact import centripetal, gyroscopic
-from ..algebra import add, axpy, times
 from ..friction import cone_impulse
 from ..model import load
-from ..sweep import POINT, SLIP, K, INV_K, P, Q, TARGET, apply, in_axes, six2, velocity
-from .constraint import FREE, RATE, SLIDES, STICKS, STILL, accelerations, closed_rows, direction
+from ..sweep import INV_K, POINT, SLIP, TARGET, K, P, Q, apply, in_axes, velocity
+from .constraint import (
+    FREE,
+    ON_CONE,
+    SLIDES,
+    STICKS,
+    STILL,
+    accelerations,
+    closed_rows,
+    direction,
+    margin,
+    scales,
+)
 
 SWEEPS = 2000
 AGREED = 1e-14
 """Of the free acceleration: sweeps agree when none changes a point's acceleration by more."""
 
-HOLDS = 1e-10
-"""Of the free acceleration: a contact that would start to slip with less than that sticks."""
+HOLDS = 1e-13
+"""Of the weight: by so much a force may pull, or friction hold too much. A segment ends at ten times that."""
 
-OK, JAMMED = -1, -2
+OK = -1
 
 
 @stage
@@ -46,25 +56,20 @@ def decide(body, hull, plane, mu, a, torque, y, contacts, space):
     for c in range(n):
         k = int(rows[c, POINT])
         slip = sqrt(rows[c, SLIP] ** 2 + rows[c, SLIP + 1] ** 2)
-        contacts[k, 0] = SLIDES if slip > STILL or mu == 0.0 else STICKS
+        contacts[k, 0] = STICKS
+        if slip > STILL or mu == 0.0:
+            contacts[k, 0] = SLIDES
+            contacts[k, 1], contacts[k, 2] = (
+                rows[c, SLIP] / max(slip, STILL),
+                rows[c, SLIP + 1] / max(slip, STILL),
+            )
     _x, quat, _v, w = load(y)
     a_b = to_body(matrix(quat), a)
     _a, _w, solvable = accelerations(body, hull, mu, a_b, torque, w, contacts, n, space)
-    if solvable and all_hold(mu, contacts, rows, n):
+    weight = scales(body, a, torque, y)[3]
+    if solvable and margin(mu, contacts, rows, n) >= -HOLDS * weight:
         return OK
     return sweep(body, hull, mu, a_b, torque, w, contacts, rows, n)
-
-
-@stage
-def all_hold(mu, contacts, rows, n):
-    """Does every point push, and friction hold those that stick?"""
-    for c in range(n):
-        p = vec2(rows, c, P)
-        if p[0] < 0.0:
-            return False
-        if contacts[int(rows[c, POINT]), 0] == STICKS and p[1] * p[1] + p[2] * p[2] > mu * mu * p[0] * p[0]:
-            return False
-    return True
 
 
 @stage
@@ -121,11 +126,8 @@ def sweep(body, hull, mu, a_b, torque, w, contacts, rows, n):
         if p[0] <= AGREED * size / rows[c, K]:
             contacts[k, 0] = FREE
         elif contacts[k, 0] == STICKS:
-            u = add(velocity(rows, c, mu, x_ddot, w_ddot), vec2(rows, c, TARGET))
-            if u[1] * u[1] + u[2] * u[2] > (HOLDS * size) ** 2:
-                friction = sqrt(p[1] * p[1] + p[2] * p[2])
-                if friction > 0.0:
-                    contacts[k, 0] = SLIDES
-                    contacts[k, 1], contacts[k, 2] = -p[1] / friction, -p[2] / friction
-                    rows[c, RATE] = 0.0
+            friction = sqrt(p[1] * p[1] + p[2] * p[2])
+            if friction > ON_CONE * mu * p[0]:
+                contacts[k, 0] = SLIDES
+                contacts[k, 1], contacts[k, 2] = -p[1] / friction, -p[2] / friction
     return OK

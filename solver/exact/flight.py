@@ -46,10 +46,10 @@ def fly(body, anchor, a, x, v, t):
 
 
 @stage
-def first_touch(body, hull, plane, anchor, a, x, v, t_min, t_max):
+def first_touch(body, hull, plane, anchor, a, x, v, t_min, near, t_max):
     """The first time in [t_min, t_max] at which a hull point's gap comes down through zero, and which.
 
-    At t = 0 a point within TOUCH (1e-9 m) of the surface, or below it, counts if it closes: faster
+    At t = 0 a point nearer than `near` to the surface, or below it, counts if it closes: faster
     than TOUCH (m/s), or, slower than that either way, with z'' < 0. One that leaves, or is at rest and
     accelerates away, does not: it is found when it comes back. Later, a point counts from a gap of
     CLOSED (1e-13 m) on under the same rule: the returned time is never late, and the point stands
@@ -65,18 +65,19 @@ def first_touch(body, hull, plane, anchor, a, x, v, t_min, t_max):
         x: centre of mass at the start, m.
         v: its velocity at the start, m/s.
         t_min: s; 0, or a later time up to which nothing touches.
+        near: m.
         t_max: s, finite.
 
     Returns:
         (t, k): s, and the row of the hull; of several points the lowest. (t_max, -1) if none touches,
         or if something is not a number.
     """
-    t, k, _evaluations = march(body, hull, plane, anchor, a, x, v, t_min, t_max)
+    t, k, _evaluations = march(body, hull, plane, anchor, a, x, v, t_min, near, t_max)
     return t, k
 
 
 @stage
-def march(body, hull, plane, anchor, a, x, v, t_min, t_max):
+def march(body, hull, plane, anchor, a, x, v, t_min, near, t_max):
     """`first_touch`, and the number of poses that it took."""
     N = plane[0]
     aN, vN, height = dot(a, N), dot(v, N), height_over(plane, x)
@@ -89,7 +90,8 @@ def march(body, hull, plane, anchor, a, x, v, t_min, t_max):
         if h > body[4] + TOUCH:  # nothing can touch while the bounding sphere does not
             free = falls(h - body[4], h_dot, aN)
         if free <= 1e-6 * t_max:
-            near = TOUCH if t == 0.0 else CLOSED
+            if t > 0.0:
+                near = CLOSED
             quat, w = at(anchor, t)
             evaluations += 1
             R = matrix(quat)

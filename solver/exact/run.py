@@ -13,10 +13,36 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ..algebra import add, entry, jit, matrix, put2, scale, stage, times, to_body, to_world, vec, vec2, dot, cross, axpy
+from ..algebra import (
+    add,
+    cross,
+    dot,
+    entry,
+    matrix,
+    put2,
+    stage,
+    to_body,
+    to_world,
+    vec,
+    vec2,
+)
 from ..contact import centripetal, gyroscopic, push
-from ..model import MEMORY, NOT_FINITE, OK, STUCK, TOUCH, arm, closing_speed, gap, height_over, is_finite, load, store, unpack
-from ..sweep import POINT, SLIP, TARGET, K, P, in_body, kinetic_energy, six2, strike
+from ..model import (
+    MEMORY,
+    NOT_FINITE,
+    OK,
+    STUCK,
+    TOUCH,
+    arm,
+    closing_speed,
+    gap,
+    height_over,
+    is_finite,
+    load,
+    store,
+    unpack,
+)
+from ..sweep import POINT, SLIP, TARGET, K, P, in_body, six2, strike
 from .attitude import anchor
 from .constraint import FREE, SLIDES, STICKS, STILL, closed_rows, keep, rates, workspace
 from .decide import OK as SETTLED
@@ -26,14 +52,23 @@ from .impact import impact
 from .segment import BROKEN, DONE, JAM, SIZE, SUNK, segment
 
 TOL = 1e-12
-"""The error allowed in each step of a segment unless told otherwise."""
+"""What option `tol` is unless given: about the error of a second of contact, of the motion's own scales."""
 
-SOFT = 1e-7
+STEP_TOL = 0.05
+"""Of `tol`: the error allowed in each step."""
+
+NEAR = 1e-12
+"""m: points this near when another comes down strike with it."""
+
+SOFT = 1e-6
 """m/s: several points that touch and close slower than that are at rest from now on. What that leaves
-out is a hop of less than 1e-15 m."""
+out are hops of less than 1e-13 m, which positions can hardly tell from none."""
 
 BRIEF = 1e-9
 """A hop is so short that its acceleration changes by less than that part."""
+
+BRIEF_FROM_STILL = 0.1
+"""The same for a point that leaves with TOUCH at most: its hop's height is below 1e-18 m."""
 
 AT_REST = 1e-12
 """m/s and rad/s, and of gravity: a body that sticks and moves and accelerates by less does neither."""
@@ -70,7 +105,7 @@ def flight(body, hull, plane, a, y, past, span):
     x, quat, v, w = load(past[START : START + 13])
     start = anchor(body[2], body[3], quat, w)
     since = past[SINCE]
-    t, k = first_touch(body, hull, plane, start, a, x, v, since, since + span)
+    t, k = first_touch(body, hull, plane, start, a, x, v, since, NEAR, since + span)
     hop, hopper = brief_hop(body, hull, plane, a, x, quat, v, w, start[4][2])
     if hopper >= 0 and hop >= since and k in (hopper, -1):
         t, k = (hop, hopper) if hop <= since + span else (since + span, -1)
@@ -102,7 +137,8 @@ def brief_hop(body, hull, plane, a, x, quat, v, w, spin2):
         bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b)))
         if speed > 0.0 and bend < 0.0:
             t = -2.0 * speed / bend
-            if t * JERK * spin2 * sqrt(spin2) * sqrt(dot(b, b)) < -BRIEF * bend and t < soonest:
+            jerk = JERK * spin2 * sqrt(spin2) * sqrt(dot(b, b))
+            if t * jerk < -(BRIEF if speed > TOUCH else BRIEF_FROM_STILL) * bend and t < soonest:
                 soonest, point = t, k
     return soonest, point
 
@@ -152,7 +188,7 @@ def blows(body, hull, plane, law, y, contacts, soft, space):
 
 
 @stage
-def touching(hull, plane, y, contacts, touch, struck):
+def touching(hull, plane, y, contacts, touch, still, struck):
     """Mark what touches and does not leave as closed, and, after a blow, as not sticking any more.
 
     Returns:
@@ -166,7 +202,7 @@ def touching(hull, plane, y, contacts, touch, struck):
         closed = contacts[k, 0] != FREE
         if closed or gap(hull, k, N_b, height) <= touch:
             speed = closing_speed(hull, k, plane, R, v, w)
-            if speed > STILL:
+            if speed > still:
                 contacts[k, 0] = FREE
                 continue
             n += 1
@@ -192,7 +228,7 @@ def anchor_points(hull, plane, y, contacts):
 def resolve(body, hull, plane, law, a, torque, y, contacts, touch, still, space):
     """Impacts of what touches and closes, then how each closed point goes on. Returns False if stuck."""
     for blow_number in range(MAX_BLOWS):
-        n, fastest, which = touching(hull, plane, y, contacts, touch, blow_number > 0)
+        n, fastest, which = touching(hull, plane, y, contacts, touch, still, blow_number > 0)
         if n == 0:
             return True
         if fastest > still:
@@ -304,7 +340,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
             past[FLYING] = 0.0
             why, dt, past[NEXT] = segment(
                 body_, hull, plane_, law_[0], a_, torque_, y, memory, span - t, past[NEXT],
-                options[0], space, stages, y1,
+                STEP_TOL * options[0], space, stages, y1,
             )  # fmt: skip
             if why == BROKEN:
                 return NOT_FINITE
@@ -318,7 +354,9 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         if idle > MAX_EVENTS:
             return STUCK
         if event:
-            if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, SUNK * 10.0, STILL, space):
+            # a point that leaves by less than TOUCH and is back at once has not left
+            still = STILL if dt > 0.0 else TOUCH
+            if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, NEAR, still, space):
                 return STUCK
         if not event:
             break

@@ -11,8 +11,8 @@ from math import inf, sqrt
 from ..algebra import dot, jit, matrix, stage, to_body, vec2
 from ..model import closing_speed, gap, height_over, load
 from ..sweep import POINT, SLIP
-from .constraint import FREE, RATE, SLIDES, STILL, direction, keep, rates
-from .dop853 import ERROR_3, ERROR_5, STAGES, STEP, TABLE
+from .constraint import FREE, RATE, SLIDES, STILL, direction, keep, rates, scales
+from .dop853 import ERROR_3, ERROR_5, STAGES, TABLE
 
 SIZE = 13
 """Of the motion in y = (x, quat, v, w, p): v in world, w in body axes. After it come the hull points'
@@ -26,6 +26,9 @@ SUNK = 1e-13
 PULLS = 1e-12
 """Of the body's weight, or what else it is pressed by: a force of minus that would have to pull."""
 
+TURN = 1.0
+"""rad: a longer step could deceive its own estimate of errors."""
+
 SHORTEST = 1e-14
 """s, and of the segment: shorter steps get nowhere."""
 
@@ -38,19 +41,6 @@ WIDEN = 4.0
 MAX_ROOT = 100
 SLACK = 1.25
 """On accelerations seen at the stages, as a bound for all of the step."""
-
-
-@jit
-def scales(body, a, torque, y):
-    """What errors in (x, quat, v, w) are measured by: m, 1, m/s, rad/s; and forces, N."""
-    _x, _quat, v, w = load(y)
-    size = body[4]
-    pull = sqrt(dot(a, a))
-    spin = sqrt(dot(w, w))
-    fast = max(sqrt(dot(v, v)), spin * size, sqrt(pull * size))
-    twist = sqrt(dot(torque, torque))
-    weight = body[0] * (pull + spin * spin * size) + (twist / size if size > 0.0 else 0.0)
-    return size, max(fast, 1e-30), max(spin, fast / size if size > 0.0 else 0.0, 1e-30), max(weight, 1e-300)
 
 
 @stage
@@ -81,11 +71,12 @@ def attempt(body, hull, plane, mu, a, torque, y, h, contacts, space, stages, y1)
             three += TABLE[ERROR_3, j] * stages[j, s]
         five, three = abs(h * five), abs(h * three)
         both = sqrt(five * five + 0.01 * three * three)
-        error = five * five / both if both > 0.0 else 0.0
+        error = five * (five / both) if both > 0.0 else 0.0
         scale = length if s < 3 else (1.0 if s < 7 else (fast if s < 10 else spin))
-        worst = max(worst, error / scale) if scale > 0.0 else worst
-        if not 0.0 * error == 0.0:
+        if not both < inf:  # or not a number
             worst = inf
+        elif scale > 0.0:
+            worst = max(worst, error / scale)
     if worst < inf:
         keep(body, hull, plane, mu, y1, contacts, space)
         end, _n = rates(body, hull, plane, mu, a, torque, y1, contacts, space, stages[STAGES])
@@ -146,12 +137,12 @@ def certain(hull, plane, y, y1, h, contacts, stages):
 
 
 @jit
-def slip_ends(contacts, rows, n, mu):
-    """(does a slip end here?, how long until one does at its present rate, s)."""
+def slip_ends(contacts, rows, n, mu, noise):
+    """(does a slip end here?, how long until one does at its present rate, s). Rates below `noise` are none."""
     soonest, ended = inf, False
     if mu > 0.0:
         for c in range(n):
-            if contacts[int(rows[c, POINT]), 0] == SLIDES and rows[c, RATE] < 0.0:
+            if contacts[int(rows[c, POINT]), 0] == SLIDES and rows[c, RATE] < -noise:
                 speed = sqrt(rows[c, SLIP] ** 2 + rows[c, SLIP + 1] ** 2)
                 if speed <= STILL:
                     ended = True
@@ -203,27 +194,23 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
     t = 0.0
     floor = SHORTEST * (1.0 + span)
     while t < span:
-        weight = scales(body, a, torque, y)[3]
+        _size, _fast, spin, weight = scales(body, a, torque, y)
         m, n = rates(body, hull, plane, mu, a, torque, y, contacts, space, stages[0])
         rows = space[0]
         if not m > -inf:
             return JAM, t, h
         note_slip(contacts, rows, n)
-        ended, soonest = slip_ends(contacts, rows, n, mu)
+        ended, soonest = slip_ends(contacts, rows, n, mu, PULLS * weight / body[0])
         if ended:
             return EVENT, t, h
         last = span - t
-        step = min(h, last, NEARLY * soonest)
+        step = min(h, last, NEARLY * soonest, TURN / spin)
         cut = step if step < h else -1.0  # not because of errors
         while True:
             if step < floor and step < last:
-                return JAM, t, h
-            error, end, seen = attempt(
-                body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1
-            )
+                return (JAM if n > 0 else BROKEN), t, h
+            error, end, seen = attempt(body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1)
             if not error <= tol:
-                if error != error:
-                    return BROKEN, t, h
                 step *= max(0.2, 0.9 * (tol / error) ** 0.125) if error < inf else 0.2
                 continue
             grow = min(5.0, 0.9 * (tol / max(error, 1e-30)) ** 0.125)
@@ -250,7 +237,7 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
                 _error, end, seen = attempt(
                     body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1
                 )
-                if end < -PULLS * weight or lowest_free(hull, plane, y1, contacts) < -SUNK:
+                if end < -PULLS * weight or lowest_free(hull, plane, y1, contacts) < 0.0:
                     high = step
                 else:
                     low = step
