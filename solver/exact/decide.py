@@ -15,9 +15,9 @@ from ..sweep import INV_K, POINT, SLIP, TARGET, K, P, Q, apply, in_axes, velocit
 from .constraint import (
     FREE,
     ON_CONE,
+    SLAVED,
     SLIDES,
     STICKS,
-    STILL,
     accelerations,
     closed_rows,
     direction,
@@ -56,13 +56,7 @@ def decide(body, hull, plane, mu, a, torque, y, contacts, space):
     for c in range(n):
         k = int(rows[c, POINT])
         slip = sqrt(rows[c, SLIP] ** 2 + rows[c, SLIP + 1] ** 2)
-        contacts[k, 0] = STICKS
-        if slip > STILL or mu == 0.0:
-            contacts[k, 0] = SLIDES
-            contacts[k, 1], contacts[k, 2] = (
-                rows[c, SLIP] / max(slip, STILL),
-                rows[c, SLIP + 1] / max(slip, STILL),
-            )
+        contacts[k, 0] = SLIDES if slip > SLAVED or mu == 0.0 else STICKS
     _x, quat, _v, w = load(y)
     a_b = to_body(matrix(quat), a)
     _a, _w, solvable = accelerations(body, hull, mu, a_b, torque, w, contacts, n, space)

@@ -143,10 +143,11 @@ def slip_ends(contacts, rows, n, mu, noise):
     if mu > 0.0:
         for c in range(n):
             if contacts[int(rows[c, POINT]), 0] == SLIDES and rows[c, RATE] < -noise:
-                speed = sqrt(rows[c, SLIP] ** 2 + rows[c, SLIP + 1] ** 2)
+                s1, s2 = direction(rows, c, contacts)
+                speed = rows[c, SLIP] * s1 + rows[c, SLIP + 1] * s2
                 if speed <= STILL:
                     ended = True
-                soonest = min(soonest, -speed / rows[c, RATE])
+                soonest = min(soonest, -max(0.0, speed) / rows[c, RATE])
     return ended, soonest
 
 
