@@ -254,14 +254,18 @@ def resolve(body, hull, plane, law, a, torque, y, contacts, touch, still, space)
 
 @stage
 def unjam(body, hull, plane, law, y, contacts, space):
-    """The impulse of the sliding point that no step is short enough for: its force grows beyond all bounds."""
+    """Where a sliding contact's force grows beyond all bounds, and no step is short enough: an impulse.
+
+    A lone point's follows its path. Several that jam each other stop each other's slip, which takes energy.
+    """
     n = closed_rows(body, hull, plane, law[0], y, contacts, space[0])
-    worst, which = 0.0, -1
+    if n == 1:
+        return blow(body, hull, plane, law, y, int(space[0][0, POINT]), STILL, space)
     for c in range(n):
-        k = int(space[0][c, POINT])
-        if contacts[k, 0] == SLIDES and space[0][c, P] > worst:
-            worst, which = space[0][c, P], k
-    return which >= 0 and blow(body, hull, plane, law, y, which, STILL, space)
+        contacts[int(space[0][c, POINT]), 0] = STICKS
+    anchor_points(hull, plane, y, contacts)
+    keep(body, hull, plane, law[0], y, contacts, space)
+    return True
 
 
 @stage

@@ -8,6 +8,8 @@ the surface in between, and until no stage shows what the end does not.
 
 from math import inf, sqrt
 
+import numpy as np
+
 from ..algebra import dot, jit, matrix, stage, to_body, vec2
 from ..model import closing_speed, gap, height_over, load
 from ..sweep import POINT, SLIP
@@ -152,24 +154,15 @@ def slip_ends(contacts, rows, n, mu, noise):
 
 
 @jit
-def reverses(contacts, rows, n):
+def reverses(contacts, rows, n, slips):
     """Has a contact's slip turned back on what it was?"""
     for c in range(n):
         k = int(rows[c, POINT])
         if contacts[k, 0] == SLIDES:
             s1, s2 = direction(rows, c, contacts)
-            if s1 * contacts[k, 1] + s2 * contacts[k, 2] < 0.0:
+            if s1 * slips[k, 0] + s2 * slips[k, 1] < 0.0:
                 return True
     return False
-
-
-@jit
-def note_slip(contacts, rows, n):
-    """Remember every sliding contact's direction of slip."""
-    for c in range(n):
-        k = int(rows[c, POINT])
-        if contacts[k, 0] == SLIDES:
-            contacts[k, 1], contacts[k, 2] = direction(rows, c, contacts)
 
 
 @stage
@@ -194,13 +187,17 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
     """
     t = 0.0
     floor = SHORTEST * (1.0 + span)
+    slips = np.zeros((hull.shape[0], 2))
     while t < span:
         _size, _fast, spin, weight = scales(body, a, torque, y)
         m, n = rates(body, hull, plane, mu, a, torque, y, contacts, space, stages[0])
         rows = space[0]
         if not m > -inf:
             return JAM, t, h
-        note_slip(contacts, rows, n)
+        for c in range(n):
+            k = int(rows[c, POINT])
+            if contacts[k, 0] == SLIDES:
+                slips[k, 0], slips[k, 1] = direction(rows, c, contacts)
         ended, soonest = slip_ends(contacts, rows, n, mu, PULLS * weight / body[0])
         if ended:
             return EVENT, t, h
@@ -210,12 +207,15 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
         while True:
             if step < floor and step < last:
                 return (JAM if n > 0 else BROKEN), t, h
+            for k in range(hull.shape[0]):
+                if contacts[k, 0] == SLIDES:
+                    contacts[k, 1], contacts[k, 2] = slips[k, 0], slips[k, 1]
             error, end, seen = attempt(body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1)
             if not error <= tol:
                 step *= max(0.2, 0.9 * (tol / error) ** 0.125) if error < inf else 0.2
                 continue
             grow = min(5.0, 0.9 * (tol / max(error, 1e-30)) ** 0.125)
-            if reverses(contacts, rows, n):
+            if reverses(contacts, rows, n, slips):
                 step *= 0.5
                 continue
             event = end < -PULLS * weight or lowest_free(hull, plane, y1, contacts) < -SUNK
@@ -248,7 +248,6 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
             y[s] = y1[s]
         t += step
         if event:
-            note_slip(contacts, rows, n)
             return EVENT, t, h
         h = max(h, step * grow) if step == cut else step * min(grow, WIDEN)
     return DONE, t, h
