@@ -149,7 +149,8 @@ def test_housners_block():
     assert after.w[1] / before.w[1] == pytest.approx(ratio, abs=1e-9)
     run = simulate(scene, state, 4.0, dt=0.01, method="exact")
     energy = run.energy - 9.81 * h
-    levels = energy[np.flatnonzero(np.diff(energy) < -1e-4 * energy[0])] / energy[0]
+    # later ones follow each other faster than the records
+    levels = energy[np.flatnonzero(np.diff(energy) < -1e-3 * energy[0])] / energy[0]
     np.testing.assert_allclose(levels, ratio ** (2.0 * np.arange(len(levels))), rtol=1e-9)
     assert len(levels) > 10
     assert not run.v[-1].any()  # at rest, after infinitely many

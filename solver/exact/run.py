@@ -83,16 +83,15 @@ MAX_EVENTS = 1000
 """That follow each other without time in between."""
 
 # What is remembered from call to call, after the points: 1 once begun; 1 in flight, since how long, from
-# which motion (13) and the next step to try.
-# Last what acts: acceleration and torque.
-BEGUN, FLYING, SINCE, START, NEXT, PULL, TWIST = 0, 1, 2, 3, 16, 17, 20
+# which motion (13); the next step to try; what acts, acceleration and torque (6); what adding times lost.
+BEGUN, FLYING, SINCE, START, NEXT, PULL, TWIST, LOST = 0, 1, 2, 3, 16, 17, 20, 23
 EXTRA = 24 // MEMORY
 
 
 @stage
 def begin_flight(past, y):
     """Remember where a flight begins: it is not cut by records."""
-    past[FLYING], past[SINCE] = 1.0, 0.0
+    past[FLYING], past[SINCE], past[LOST] = 1.0, 0.0, 0.0
     for s in range(13):
         past[START + s] = y[s]
 
@@ -105,16 +104,18 @@ def flight(body, hull, plane, a, y, past, span):
     x, quat, v, w = load(past[START : START + 13])
     start = anchor(body[2], body[3], quat, w)
     since = past[SINCE]
-    t, k = first_touch(body, hull, plane, start, a, x, v, since, NEAR, since + span)
+    step = span - past[LOST]
+    end = since + step
+    t, k = first_touch(body, hull, plane, start, a, x, v, since, NEAR, end)
     hop, hopper = brief_hop(body, hull, plane, a, x, quat, v, w, start[4][2])
     if hopper >= 0 and hop >= since and k in (hopper, -1):
-        t, k = (hop, hopper) if hop <= since + span else (since + span, -1)
+        t, k = (hop, hopper) if hop <= end else (end, -1)
     x, quat, v, w = fly(body, start, a, x, v, t)
     if k >= 0:
         past[FLYING] = 0.0
     else:
-        t = since + span
         past[SINCE] = t
+        past[LOST] = (t - since) - step  # so that the sum of many spans is exact
     store(y, x, quat, v, w)
     return t - since, k
 
