@@ -26,7 +26,7 @@ FLAT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 """A plane's H, 1/m."""
 
 # Flags that kernels return.
-OK, NOT_FINITE, PAINLEVE, STUCK = 0, 1, 2, 3
+OK, NOT_FINITE, PAINLEVE, STUCK, CROWDED = 0, 1, 2, 3, 4
 
 
 @jit

@@ -9,7 +9,7 @@ import numpy as np
 from . import acceleration, baumgarte, impulse
 from .exact import run as exact
 from .errors import SolverError, finite, number, one_of
-from .model import MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
+from .model import CROWDED, MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
 METHODS = {
@@ -34,6 +34,7 @@ _OPTIONS: dict[str, dict[str, bool | float]] = {
 _EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
+    CROWDED: "over a height field 'exact' serves one touching point at a time; 'impulse' takes several",
     STUCK: "events follow one another without end; another method may pass them",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
 }
@@ -113,8 +114,6 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
-    if method == "exact" and scene.surface.field is not None:
-        raise ValueError(f"method 'exact' takes a Plane only, got {scene.surface!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:

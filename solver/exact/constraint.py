@@ -37,9 +37,9 @@ from ..algebra import (
 from ..contact import centripetal, gyroscopic
 from ..flight import turn
 from ..friction import cone_impulse
-from ..kick import frame_in_body
-from ..model import arm, gap, height_over, load
-from ..sweep import ARM, AXES, INV_K, POINT, SLIP, STEP, TARGET, TURN, WIDTH, K, P, Q, fill, in_axes, place
+from ..kick import begin, turning
+from ..model import gap_of, load, seen
+from ..sweep import AIM, ARM, AXES, INV_K, POINT, SLIP, STEP, TARGET, TURN, WIDTH, K, P, Q, fill, in_axes
 from .least_norm import least_norm
 
 # What is remembered of each hull point: how it touches, and two numbers along t1 and t2. Of a sharp
@@ -91,21 +91,29 @@ def scales(body, a, torque, y):
 
 
 @stage
-def closed_rows(body, hull, plane, mu, y, contacts, rows):
+def closed_rows(body, hull, ground, mu, y, contacts, rows):
     """A row for each contact that is not FREE, in body axes, with its velocity. Returns how many."""
     x, quat, v, w = load(y)
     R = matrix(quat)
-    frame = frame_in_body(plane, R)
+    view = seen(ground, R, x)
     v_b = to_body(R, v)
     n = 0
     for k in range(hull.shape[0]):
         if contacts[k, 0] != FREE:
-            _b, q = arm(hull, k, frame[0])
-            place(rows, n, k, frame, q)
+            begin(rows, n, hull, k, ground[4], view)
+            b = vec2(hull, k, 0)
+            put2(rows, n, AIM, turning(rows, n, ground[4], R, b, hull[k, 3], v_b, w, (0.0, 0.0, 0.0)))
             u = fill(rows, n, body[1], body[3], mu, v_b, w)
             rows[n, SPEED] = u[0]
             n += 1
     return n
+
+
+@jit
+def changing(hull, rows, c, w, w_dot):
+    """How contact c's velocity changes because the body, and over curved ground the normal, turn (Eq. 5)."""
+    b = vec2(hull, int(rows[c, POINT]), 0)
+    return add(vec2(rows, c, AIM), centripetal(w, w_dot, b, vec2(rows, c, Q)))
 
 
 @jit
@@ -170,7 +178,7 @@ def begin_slip(hull, mu, contacts, rows, a_b, w, w_dot):
     k = int(rows[0, POINT])
     s1, s2 = rows[0, SLIP], rows[0, SLIP + 1]
     if contacts[k, 0] == SLIDES and s1 * s1 + s2 * s2 <= SLAVED * SLAVED:
-        l = in_axes(rows, 0, add(a_b, centripetal(w, w_dot, vec2(hull, k, 0), vec2(rows, 0, Q))))
+        l = in_axes(rows, 0, add(a_b, changing(hull, rows, 0, w, w_dot)))
         guess = (-contacts[k, 1], -contacts[k, 2])
         p = cone_impulse(six2(rows, 0, K), six2(rows, 0, INV_K), mu, l, (l[1], l[2]), guess, (0.0, 0.0))
         friction = sqrt(p[1] * p[1] + p[2] * p[2])
@@ -196,7 +204,7 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
     i = 0
     for c in range(n):
         k = int(rows[c, POINT])
-        l = add(a_b, centripetal(w, w_dot, vec2(hull, k, 0), vec2(rows, c, Q)))
+        l = add(a_b, changing(hull, rows, c, w, w_dot))
         for _ in range(equations_of(hull, contacts, k, FORCE)):
             r[i] = -dot(vec2(A, i, 0), l)
             i += 1
@@ -214,7 +222,7 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
         put2(rows, c, P, (lam[i], -mu * lam[i] * s1, -mu * lam[i] * s2))
         i += 1
         if mu > 0.0:
-            u_dot = add(x_ddot, centripetal(w, w_ddot, vec2(hull, k, 0), vec2(rows, c, Q)))
+            u_dot = add(x_ddot, changing(hull, rows, c, w, w_ddot))
             rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(
                 vec2(rows, c, AXES + 6), u_dot
             )
@@ -228,7 +236,7 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
 
 
 @stage
-def rates(body, hull, plane, mu, a, torque, y, contacts, space, dy):
+def rates(body, hull, ground, mu, a, torque, y, contacts, space, dy):
     """dy/dt of y = (x, quat, v, w, p): the motion, and the hull points' normal impulses.
 
     Returns:
@@ -237,7 +245,7 @@ def rates(body, hull, plane, mu, a, torque, y, contacts, space, dy):
     """
     x, quat, v, w = load(y)
     rows = space[0]
-    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     R = matrix(quat)
     x_ddot, w_dot, solvable = accelerations(body, hull, mu, to_body(R, a), torque, w, contacts, n, space)
     put(dy, 0, v)
@@ -268,33 +276,33 @@ def margin(mu, contacts, rows, n):
 
 
 @stage
-def keep(body, hull, plane, mu, y, contacts, space):
+def keep(body, hull, ground, mu, y, contacts, space):
     """Put y back where its constraints hold: the pose first, then the velocities. Returns how many."""
     _m, inv_m, J, inv_J, _bound = body
     rows, A, V, _B, _Q, r, _lam = space
     x, quat, v, w = load(y)
     size = y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6]
     put_quat(y, 3, (y[3] / sqrt(size), y[4] / sqrt(size), y[5] / sqrt(size), y[6] / sqrt(size)))
-    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     if n == 0:
         return n
     finest = FINEST_GAP * (1.0 + abs(x[0]) + abs(x[1]) + abs(x[2]))
     for _ in range(MAX_POSE):
         x, quat, v, w = load(y)
         R = matrix(quat)
-        N_b, height = to_body(R, plane[0]), height_over(plane, x)
+        view = seen(ground, R, x)
         count = equations(hull, contacts, mu, inv_m, rows, n, POSE, A, V)
         i = 0
         worst = 0.0
         for c in range(n):
             k = int(rows[c, POINT])
-            r[i] = -gap(hull, k, N_b, height)
+            r[i] = -gap_of(hull, k, ground[4], view)
             worst = max(worst, abs(r[i]))
             i += 1
             if equations_of(hull, contacts, k, POSE) == 3:
                 r1 = add(x, to_world(R, vec2(hull, k, 0)))
-                r[i] = contacts[k, 1] - dot(plane[1], r1)
-                r[i + 1] = contacts[k, 2] - dot(plane[2], r1)
+                r[i] = contacts[k, 1] - dot(to_world(R, vec2(rows, c, AXES + 3)), r1)
+                r[i + 1] = contacts[k, 2] - dot(to_world(R, vec2(rows, c, AXES + 6)), r1)
                 worst = max(worst, abs(r[i]), abs(r[i + 1]))
                 i += 2
         if worst <= finest:
@@ -304,7 +312,7 @@ def keep(body, hull, plane, mu, y, contacts, space):
         put(y, 0, add(x, to_world(R, dx)))
         put_quat(y, 3, quat)
         put(y, 10, w)
-        closed_rows(body, hull, plane, mu, y, contacts, rows)
+        closed_rows(body, hull, ground, mu, y, contacts, rows)
 
     count = equations(hull, contacts, mu, inv_m, rows, n, MOTION, A, V)
     i = 0

@@ -19,6 +19,7 @@ from .constraint import (
     SLIDES,
     STICKS,
     accelerations,
+    changing,
     closed_rows,
     direction,
     margin,
@@ -36,11 +37,11 @@ OK = -1
 
 
 @stage
-def decide(body, hull, plane, mu, a, torque, y, contacts, space):
+def decide(body, hull, ground, mu, a, torque, y, contacts, space):
     """Set how each closed point touches, so that the forces that follow are those of rigid contact.
 
     Args:
-        body, hull, plane, a, torque: as in `impulse.step`.
+        body, hull, ground, a, torque: as in `impulse.step`.
         mu: friction coefficient.
         y: motion; closed points do not move along the normal.
         contacts: (p, MEMORY): every point that touches and does not leave is not FREE.
@@ -50,7 +51,7 @@ def decide(body, hull, plane, mu, a, torque, y, contacts, space):
         OK, or the hull point whose force has no answer: Painlevé's paradox.
     """
     rows = space[0]
-    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     if n == 0:
         return OK
     for c in range(n):
@@ -74,8 +75,7 @@ def sweep(body, hull, mu, a_b, torque, w, contacts, rows, n):
     size = 0.0
     for c in range(n):
         # what the point would accelerate by, less what `velocity` says of (a, ẇ): Eq. 5's c
-        q = vec2(rows, c, Q)
-        c_term = in_axes(rows, c, centripetal(w, (0.0, 0.0, 0.0), vec2(hull, int(rows[c, POINT]), 0), q))
+        c_term = in_axes(rows, c, changing(hull, rows, c, w, (0.0, 0.0, 0.0)))
         put2(rows, c, TARGET, c_term)
         put2(rows, c, P, (0.0, 0.0, 0.0))
         l = add(velocity(rows, c, mu, a_b, w_dot), c_term)

@@ -13,43 +13,33 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ..algebra import (
-    add,
-    cross,
-    dot,
-    entry,
-    matrix,
-    put2,
-    stage,
-    to_body,
-    to_world,
-    vec,
-    vec2,
-)
+from ..algebra import add, cross, dot, entry, jit, matrix, put2, stage, to_body, to_world, vec, vec2
 from ..contact import centripetal, gyroscopic, push
 from ..model import (
+    CROWDED,
     MEMORY,
     NOT_FINITE,
     OK,
     STUCK,
     TOUCH,
-    arm,
-    closing_speed,
-    gap,
-    height_over,
+    bending,
+    gap_of,
     is_finite,
     load,
+    meet,
+    seen,
+    speed_of,
     store,
     unpack,
 )
-from ..sweep import POINT, SLIP, TARGET, K, P, in_body, six2, strike
+from ..sweep import AXES, POINT, SLIP, TARGET, K, P, Q, in_body, six2, strike
 from .attitude import anchor
 from .constraint import FREE, SLIDES, STICKS, STILL, closed_rows, keep, rates, workspace
 from .decide import OK as SETTLED
 from .decide import decide
 from .flight import JERK, first_touch, fly
 from .impact import impact
-from .segment import BROKEN, DONE, JAM, SIZE, SUNK, segment
+from .segment import BROKEN, DONE, JAM, SIZE, segment
 
 TOL = 1e-12
 """What option `tol` is unless given: about the error of a second of contact, of the motion's own scales."""
@@ -97,7 +87,7 @@ def begin_flight(past, y):
 
 
 @stage
-def flight(body, hull, plane, a, y, past, span):
+def flight(body, hull, ground, a, y, past, span):
     """Fly for `span` seconds or to the first touch. Returns (how long, the point that touches or -1)."""
     if past[FLYING] == 0.0:
         begin_flight(past, y)
@@ -106,8 +96,8 @@ def flight(body, hull, plane, a, y, past, span):
     since = past[SINCE]
     step = span - past[LOST]
     end = since + step
-    t, k = first_touch(body, hull, plane, start, a, x, v, since, NEAR, end)
-    hop, hopper = brief_hop(body, hull, plane, a, x, quat, v, w, start[4][2])
+    t, k = first_touch(body, hull, ground, start, a, x, v, since, NEAR, end)
+    hop, hopper = brief_hop(body, hull, ground, a, x, quat, v, w, start[4][2])
     if hopper >= 0 and hop >= since and k in (hopper, -1):
         t, k = (hop, hopper) if hop <= end else (end, -1)
     x, quat, v, w = fly(body, start, a, x, v, t)
@@ -121,21 +111,23 @@ def flight(body, hull, plane, a, y, past, span):
 
 
 @stage
-def brief_hop(body, hull, plane, a, x, quat, v, w, spin2):
+def brief_hop(body, hull, ground, a, x, quat, v, w, spin2):
     """(duration, point) of a hop that begins now and is a parabola to rounding; (inf, -1) if there is none.
 
     Its height may be far below what positions can tell apart.
     """
     R = matrix(quat)
-    N_b, v_b, a_b = to_body(R, plane[0]), to_body(R, v), to_body(R, a)
+    field, view = ground[4], seen(ground, R, x)
+    v_b, a_b = to_body(R, v), to_body(R, a)
     w_dot = gyroscopic(body[2], body[3], w)
     soonest, point = inf, -1
     for k in range(hull.shape[0]):
         b = vec2(hull, k, 0)
-        if abs(gap(hull, k, N_b, height_over(plane, x))) > TOUCH:
+        gap, N_b, H = meet(hull, k, field, view)
+        if abs(gap) > TOUCH:
             continue
         speed = dot(N_b, add(v_b, cross(w, b)))
-        bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b)))
+        bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b))) + bending(field, H, R, b, v_b, w)
         if speed > 0.0 and bend < 0.0:
             t = -2.0 * speed / bend
             jerk = JERK * spin2 * sqrt(spin2) * sqrt(dot(b, b))
@@ -145,7 +137,7 @@ def brief_hop(body, hull, plane, a, x, quat, v, w, spin2):
 
 
 @stage
-def blow(body, hull, plane, law, y, k, speed, space):
+def blow(body, hull, ground, law, y, k, speed, space):
     """The impact of one point (Eq. 12), which closes at `speed` at least. Returns whether it had a path."""
     _m, inv_m, _J, inv_J, _bound = body
     mu, e = law
@@ -153,30 +145,29 @@ def blow(body, hull, plane, law, y, k, speed, space):
     x, quat, v, w = load(y)
     memory = np.zeros((hull.shape[0], MEMORY))
     memory[k, 0] = SLIDES
-    closed_rows(body, hull, plane, mu, y, memory, rows)
+    closed_rows(body, hull, ground, mu, y, memory, rows)
     u = (min(rows[0, TARGET], -speed), rows[0, SLIP], rows[0, SLIP + 1])
     kk = six2(rows, 0, K)
     if mu == 0.0:
         kk = (kk[0], 0.0, 0.0, 1.0, 0.0, 1.0)
     p_n, p_1, p_2, ok = impact(kk, mu, e, u)
     R = matrix(quat)
-    _b, q = arm(hull, k, to_body(R, plane[0]))
-    v_b, w = push(inv_m, inv_J, q, in_body(rows, 0, (p_n, p_1, p_2)), to_body(R, v), w)
+    v_b, w = push(inv_m, inv_J, vec2(rows, 0, Q), in_body(rows, 0, (p_n, p_1, p_2)), to_body(R, v), w)
     store(y, x, quat, to_world(R, v_b), w)
     y[SIZE + k] += p_n
     return ok
 
 
 @stage
-def blows(body, hull, plane, law, y, contacts, soft, space):
+def blows(body, hull, ground, law, y, contacts, soft, space):
     """Points that strike while others touch, all at once, as `impulse` does it: Newton's law, without gain.
 
     `soft`: without restitution.
     """
-    m, inv_m, J, inv_J, _bound = body
+    m, inv_m, J, _inv_J, _bound = body
     mu, e = law
     rows = space[0]
-    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     for c in range(n):
         u = rows[c, TARGET]
         put2(rows, c, TARGET, (-e * u if u < -STILL and not soft else 0.0, 0.0, 0.0))
@@ -189,20 +180,19 @@ def blows(body, hull, plane, law, y, contacts, soft, space):
 
 
 @stage
-def touching(hull, plane, y, contacts, touch, still, struck):
+def touching(hull, ground, y, contacts, touch, still, struck):
     """Mark what touches and does not leave as closed, and, after a blow, as not sticking any more.
 
     Returns:
         (how many, the fastest that closes, m/s, which).
     """
     x, quat, v, w = load(y)
-    R = matrix(quat)
-    N_b, height = to_body(R, plane[0]), height_over(plane, x)
+    field, view = ground[4], seen(ground, matrix(quat), x)
     n, fastest, which = 0, 0.0, -1
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] != FREE
-        if closed or gap(hull, k, N_b, height) <= touch:
-            speed = closing_speed(hull, k, plane, R, v, w)
+        if closed or gap_of(hull, k, field, view) <= touch:
+            speed = speed_of(hull, k, field, view, v, w)
             if speed > still:
                 contacts[k, 0] = FREE
                 continue
@@ -215,69 +205,84 @@ def touching(hull, plane, y, contacts, touch, still, struck):
 
 
 @stage
-def anchor_points(hull, plane, y, contacts):
-    """Remember where sharp points stick."""
+def anchor_points(body, hull, ground, mu, y, contacts, space):
+    """Remember where sharp points stick, along their rows' tangents."""
+    rows = space[0]
+    n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     x, quat, _v, _w = load(y)
     R = matrix(quat)
-    for k in range(hull.shape[0]):
+    for c in range(n):
+        k = int(rows[c, POINT])
         if contacts[k, 0] == STICKS:
             r1 = add(x, to_world(R, vec2(hull, k, 0)))
-            contacts[k, 1], contacts[k, 2] = dot(plane[1], r1), dot(plane[2], r1)
+            contacts[k, 1] = dot(to_world(R, vec2(rows, c, AXES + 3)), r1)
+            contacts[k, 2] = dot(to_world(R, vec2(rows, c, AXES + 6)), r1)
+
+
+@jit
+def curved(field):
+    """Is the ground a height field?"""
+    return field is not None
 
 
 @stage
-def resolve(body, hull, plane, law, a, torque, y, contacts, touch, still, space):
-    """Impacts of what touches and closes, then how each closed point goes on. Returns False if stuck."""
+def resolve(body, hull, ground, law, a, torque, y, contacts, touch, still, space):
+    """Impacts of what touches and closes, then how each closed point goes on.
+
+    Returns:
+        OK; STUCK; or CROWDED: over curved ground more than one point would touch.
+    """
     for blow_number in range(MAX_BLOWS):
-        n, fastest, which = touching(hull, plane, y, contacts, touch, still, blow_number > 0)
+        n, fastest, which = touching(hull, ground, y, contacts, touch, still, blow_number > 0)
         if n == 0:
-            return True
+            return OK
+        if n > 1 and curved(ground[4]):
+            return CROWDED
         if fastest > still:
             if n == 1:
-                if not blow(body, hull, plane, law, y, which, 0.0, space):
-                    return False
+                if not blow(body, hull, ground, law, y, which, 0.0, space):
+                    return STUCK
                 contacts[which, 0] = FREE
             else:
-                blows(body, hull, plane, law, y, contacts, fastest < SOFT or blow_number > 3, space)
+                blows(body, hull, ground, law, y, contacts, fastest < SOFT or blow_number > 3, space)
             if fastest > SOFT or n == 1:
                 still = STILL
                 continue
-        keep(body, hull, plane, law[0], y, contacts, space)
-        which = decide(body, hull, plane, law[0], a, torque, y, contacts, space)
+        keep(body, hull, ground, law[0], y, contacts, space)
+        which = decide(body, hull, ground, law[0], a, torque, y, contacts, space)
         if which == SETTLED:
-            anchor_points(hull, plane, y, contacts)
-            return True
+            anchor_points(body, hull, ground, law[0], y, contacts, space)
+            return OK
         # Painlevé's paradox: no force, so an impulse
-        if not blow(body, hull, plane, law, y, which, STILL, space):
-            return False
-    return False
+        if not blow(body, hull, ground, law, y, which, STILL, space):
+            return STUCK
+    return STUCK
 
 
 @stage
-def unjam(body, hull, plane, law, y, contacts, space):
+def unjam(body, hull, ground, law, y, contacts, space):
     """Where a sliding contact's force grows beyond all bounds, and no step is short enough: an impulse.
 
     A lone point's follows its path. Several that jam each other stop each other's slip, which takes energy.
     """
-    n = closed_rows(body, hull, plane, law[0], y, contacts, space[0])
+    n = closed_rows(body, hull, ground, law[0], y, contacts, space[0])
     if n == 1:
-        return blow(body, hull, plane, law, y, int(space[0][0, POINT]), STILL, space)
+        return blow(body, hull, ground, law, y, int(space[0][0, POINT]), STILL, space)
     for c in range(n):
         contacts[int(space[0][c, POINT]), 0] = STICKS
-    anchor_points(hull, plane, y, contacts)
-    keep(body, hull, plane, law[0], y, contacts, space)
+    anchor_points(body, hull, ground, law[0], y, contacts, space)
+    keep(body, hull, ground, law[0], y, contacts, space)
     return True
 
 
 @stage
-def rests(body, hull, plane, mu, a, torque, y, contacts, space, dy):
+def rests(body, hull, ground, mu, a, torque, y, contacts, space, dy):
     """Is it at rest, for as long as nothing outside changes? Then it is put to rest entirely."""
-    x, quat, v, w = load(y)
     slow = AT_REST * (1.0 + sqrt(dot(a, a)))
     for s in range(7, SIZE):
         if abs(y[s]) > AT_REST:
             return False
-    margin, n = rates(body, hull, plane, mu, a, torque, y, contacts, space, dy)
+    margin, n = rates(body, hull, ground, mu, a, torque, y, contacts, space, dy)
     if n == 0 or margin < 0.0:
         return False
     for s in range(7, SIZE):
@@ -289,16 +294,16 @@ def rests(body, hull, plane, mu, a, torque, y, contacts, space, dy):
 
 
 @entry
-def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
-    """Go on for n h seconds, in place; the arguments are those of `impulse.run`, but:
+def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
+    """Go on for n h seconds, in place.
 
-    `contacts` has EXTRA more rows, for what is remembered of a flight. options[0]: the error allowed in each
+    The arguments are those of `impulse.run`, but `contacts` has EXTRA more rows, for what is remembered of a flight. options[0]: the error allowed in each
     step of a segment, of the motion's own scales.
 
     Returns:
-        OK, NOT_FINITE or STUCK; then `state` is as it was at the last event.
+        OK, NOT_FINITE, STUCK or CROWDED; then `state` is as it was at the last event.
     """
-    body_, plane_ = unpack(body, plane)
+    body_, ground_ = unpack(body, ground)
     law_ = (law[0], law[1])
     a_, torque_ = vec(a, 0), vec(torque, 0)
     points = hull.shape[0]
@@ -321,21 +326,23 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     if past[BEGUN] == 0.0:
         past[BEGUN] = 1.0
         past[NEXT] = span
-        if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, TOUCH, TOUCH, space):
-            return STUCK
+        flag = resolve(body_, hull, ground_, law_, a_, torque_, y, memory, TOUCH, TOUCH, space)
+        if flag != OK:
+            return flag
     elif not same:
         past[FLYING] = 0.0
-        if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, 0.0, STILL, space):
-            return STUCK
+        flag = resolve(body_, hull, ground_, law_, a_, torque_, y, memory, 0.0, STILL, space)
+        if flag != OK:
+            return flag
     while t < span:
         closed = False
         for k in range(points):
             closed = closed or memory[k, 0] != FREE
         event = True
         if not closed and free:
-            dt, k = flight(body_, hull, plane_, a_, y, past, span - t)
+            dt, k = flight(body_, hull, ground_, a_, y, past, span - t)
             event = k >= 0
-        elif closed and rests(body_, hull, plane_, law_[0], a_, torque_, y, memory, space, stages[0]):
+        elif closed and rests(body_, hull, ground_, law_[0], a_, torque_, y, memory, space, stages[0]):
             past[FLYING] = 0.0
             dt = span - t
             for k in range(points):
@@ -344,13 +351,13 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         else:
             past[FLYING] = 0.0
             why, dt, past[NEXT] = segment(
-                body_, hull, plane_, law_[0], a_, torque_, y, memory, span - t, past[NEXT],
+                body_, hull, ground_, law_[0], a_, torque_, y, memory, span - t, past[NEXT],
                 STEP_TOL * options[0], space, stages, y1,
             )  # fmt: skip
             if why == BROKEN:
                 return NOT_FINITE
             event = why != DONE
-            if why == JAM and not unjam(body_, hull, plane_, law_, y, memory, space):
+            if why == JAM and not unjam(body_, hull, ground_, law_, y, memory, space):
                 return STUCK
         if not is_finite(*load(y)):
             return NOT_FINITE
@@ -361,8 +368,9 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         if event:
             # a point that leaves by less than TOUCH and is back at once has not left
             still = STILL if dt > 0.0 else TOUCH
-            if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, NEAR, still, space):
-                return STUCK
+            flag = resolve(body_, hull, ground_, law_, a_, torque_, y, memory, NEAR, still, space)
+            if flag != OK:
+                return flag
         if not event:
             break
     for s in range(SIZE):

@@ -10,8 +10,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ..algebra import dot, jit, matrix, stage, to_body, vec2
-from ..model import closing_speed, gap, height_over, load
+from ..algebra import dot, jit, matrix, stage, vec2
+from ..model import gap_of, load, seen, speed_of
 from ..sweep import POINT, SLIP
 from .constraint import FREE, RATE, SLIDES, STILL, direction, keep, rates, scales
 from .dop853 import ERROR_3, ERROR_5, STAGES, TABLE
@@ -46,7 +46,7 @@ SLACK = 1.25
 
 
 @stage
-def attempt(body, hull, plane, mu, a, torque, y, h, contacts, space, stages, y1):
+def attempt(body, hull, ground, mu, a, torque, y, h, contacts, space, stages, y1):
     """One step of h seconds from y to y1, then what is kept is put back.
 
     stages[0] holds dy/dt at y; the rest is filled, stages[STAGES] with dy/dt at y1.
@@ -62,7 +62,7 @@ def attempt(body, hull, plane, mu, a, torque, y, h, contacts, space, stages, y1)
                 total += TABLE[i, j] * stages[j, s]
             y1[s] = y[s] + h * total
         if i < STAGES:
-            m, _n = rates(body, hull, plane, mu, a, torque, y1, contacts, space, stages[i])
+            m, _n = rates(body, hull, ground, mu, a, torque, y1, contacts, space, stages[i])
             seen = min(seen, m)
     length, fast, spin, _weight = scales(body, a, torque, y)
     worst = 0.0
@@ -80,56 +80,54 @@ def attempt(body, hull, plane, mu, a, torque, y, h, contacts, space, stages, y1)
         elif scale > 0.0:
             worst = max(worst, error / scale)
     if worst < inf:
-        keep(body, hull, plane, mu, y1, contacts, space)
-        end, _n = rates(body, hull, plane, mu, a, torque, y1, contacts, space, stages[STAGES])
+        keep(body, hull, ground, mu, y1, contacts, space)
+        end, _n = rates(body, hull, ground, mu, a, torque, y1, contacts, space, stages[STAGES])
     else:
         end = -inf
     return worst, end, seen
 
 
 @jit
-def lowest_free(hull, plane, y, contacts):
+def lowest_free(hull, ground, y, contacts):
     """Gap of the lowest open point that comes down; inf if there is none."""
     x, quat, v, w = load(y)
-    R = matrix(quat)
-    N_b, height = to_body(R, plane[0]), height_over(plane, x)
+    view = seen(ground, matrix(quat), x)
     least = inf
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == FREE and closing_speed(hull, k, plane, R, v, w) < 0.0:
-            least = min(least, gap(hull, k, N_b, height))
+        if contacts[k, 0] == FREE and speed_of(hull, k, ground[4], view, v, w) < 0.0:
+            least = min(least, gap_of(hull, k, ground[4], view))
     return least
 
 
 @stage
-def certain(hull, plane, y, y1, h, contacts, stages):
+def certain(hull, ground, y, y1, h, contacts, stages):
     """Can no open point have been below the surface between y and y1, h seconds later?
 
-    From the gap z and its rate at both ends, with a bound B on z'': z >= z0 + z0' t − B t²/2, and so
+    From the gap z and its rate at both ends, with a bound B on −z'': z >= z0 + z0' t − B t²/2, and so
     from the other end. Dips of less than SUNK may pass.
     """
-    N = plane[0]
-    pull, turn, spin2 = 0.0, 0.0, 0.0
+    field = ground[4]
+    pull, turn = 0.0, 0.0
     for i in range(STAGES + 1):
-        pull = max(pull, -dot(N, (stages[i, 7], stages[i, 8], stages[i, 9])))
+        pull = max(pull, sqrt(stages[i, 7] ** 2 + stages[i, 8] ** 2 + stages[i, 9] ** 2))
         turn = max(turn, sqrt(stages[i, 10] ** 2 + stages[i, 11] ** 2 + stages[i, 12] ** 2))
-    _x, _quat, _v, w = load(y)
-    _x, _quat, _v, w1 = load(y1)
-    spin2 = max(dot(w, w), dot(w1, w1))
     x, quat, v, w = load(y)
     x1, quat1, v1, w1 = load(y1)
-    R, R1 = matrix(quat), matrix(quat1)
-    N_b, N_b1 = to_body(R, N), to_body(R1, N)
+    spin = sqrt(max(dot(w, w), dot(w1, w1))) + 0.5 * h * turn
+    fast = sqrt(max(dot(v, v), dot(v1, v1))) + 0.5 * h * pull
+    view, view1 = seen(ground, matrix(quat), x), seen(ground, matrix(quat1), x1)
     for k in range(hull.shape[0]):
         if contacts[k, 0] != FREE:
             continue
         b = vec2(hull, k, 0)
-        B = SLACK * (pull + (turn + spin2 + h * turn * sqrt(spin2)) * sqrt(dot(b, b)))
+        size = sqrt(dot(b, b))
+        B = SLACK * (pull + (turn + spin * spin) * size + hollow(field, fast + spin * size))
         if 0.125 * B * h * h <= SUNK:
             continue
-        z = max(0.0, gap(hull, k, N_b, height_over(plane, x)))
-        z1 = max(0.0, gap(hull, k, N_b1, height_over(plane, x1)))
-        s = closing_speed(hull, k, plane, R, v, w)
-        s1 = closing_speed(hull, k, plane, R1, v1, w1)
+        z = max(0.0, within(field, gap_of(hull, k, field, view), hull[k, 3]))
+        z1 = max(0.0, within(field, gap_of(hull, k, field, view1), hull[k, 3]))
+        s = speed_of(hull, k, field, view, v, w)
+        s1 = speed_of(hull, k, field, view1, v1, w1)
         # until when it is safe from the left, and from when on from the right
         left = (s + sqrt(s * s + 2.0 * B * z)) / B
         right = (-s1 + sqrt(s1 * s1 + 2.0 * B * z1)) / B
@@ -140,7 +138,7 @@ def certain(hull, plane, y, y1, h, contacts, stages):
 
 @jit
 def slip_ends(contacts, rows, n, mu, noise):
-    """(does a slip end here?, how long until one does at its present rate, s). Rates below `noise` are none."""
+    """(does a slip end here?, how long until one does at its present rate, s); slower than `noise` is none."""
     soonest, ended = inf, False
     if mu > 0.0:
         for c in range(n):
@@ -166,11 +164,11 @@ def reverses(contacts, rows, n, slips):
 
 
 @stage
-def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, stages, y1):
+def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space, stages, y1):
     """From y, in place, for `span` seconds or until something happens.
 
     Args:
-        body, hull, plane, a, torque: as in `impulse.step`.
+        body, hull, ground, a, torque: as in `impulse.step`.
         mu: friction coefficient.
         y: (13 + p,) motion and impulses.
         contacts: (p, MEMORY): which points are closed, and how.
@@ -190,7 +188,7 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
     slips = np.zeros((hull.shape[0], 2))
     while t < span:
         _size, _fast, spin, weight = scales(body, a, torque, y)
-        m, n = rates(body, hull, plane, mu, a, torque, y, contacts, space, stages[0])
+        m, n = rates(body, hull, ground, mu, a, torque, y, contacts, space, stages[0])
         rows = space[0]
         if not m > -inf:
             return JAM, t, h
@@ -210,7 +208,7 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
             for k in range(hull.shape[0]):
                 if contacts[k, 0] == SLIDES:
                     contacts[k, 1], contacts[k, 2] = slips[k, 0], slips[k, 1]
-            error, end, seen = attempt(body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1)
+            error, end, seen = attempt(body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1)
             if not error <= tol:
                 step *= max(0.2, 0.9 * (tol / error) ** 0.125) if error < inf else 0.2
                 continue
@@ -218,13 +216,13 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
             if reverses(contacts, rows, n, slips):
                 step *= 0.5
                 continue
-            event = end < -PULLS * weight or lowest_free(hull, plane, y1, contacts) < -SUNK
+            event = end < -PULLS * weight or lowest_free(hull, ground, y1, contacts) < -SUNK
             if event:
                 break
             if seen < -PULLS * weight and step > 1e3 * floor:
                 step *= 0.5
                 continue
-            if not certain(hull, plane, y, y1, step, contacts, stages):
+            if not certain(hull, ground, y, y1, step, contacts, stages):
                 step *= 0.5
                 continue
             break
@@ -236,13 +234,13 @@ def segment(body, hull, plane, mu, a, torque, y, contacts, span, h, tol, space, 
                 if high - low <= 1e-16 * (1.0 + high) or step <= low or step >= high:
                     break
                 _error, end, seen = attempt(
-                    body, hull, plane, mu, a, torque, y, step, contacts, space, stages, y1
+                    body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1
                 )
-                if end < -PULLS * weight or lowest_free(hull, plane, y1, contacts) < 0.0:
+                if end < -PULLS * weight or lowest_free(hull, ground, y1, contacts) < 0.0:
                     high = step
                 else:
                     low = step
-            attempt(body, hull, plane, mu, a, torque, y, high, contacts, space, stages, y1)
+            attempt(body, hull, ground, mu, a, torque, y, high, contacts, space, stages, y1)
             step = high
         for s in range(y.size):
             y[s] = y1[s]
