@@ -42,7 +42,7 @@ def observe_row(model, out, x, quat, v, w):
 @jit
 def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
-    body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
+    body, ground = unpack(model[r.BODY : r.BODY + 5], (model[r.PLANE : r.PLANE + 10], None))
     law = (model[r.LAW], model[r.LAW + 1])
     g = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
@@ -73,7 +73,7 @@ def step_row(model, hull, row, action, scratch):
     clear = 0.0
     for _ in range(substeps):
         x1, quat1, v1, w1, clear = impulse.step(
-            body, hull, plane, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
+            body, hull, ground, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
         )
         if not is_finite(x1, quat1, v1, w1):
             failed = True

@@ -37,6 +37,7 @@ _REASONS = {
     STUCK: "events follow one another without end; another method may pass them",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
 }
+MAX_LIFTS = 60
 WHOLE_STEP = 1e-6
 """duration/dt this close to a whole number counts as one."""
 
@@ -112,6 +113,8 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
+    if method == "exact" and scene.surface.field is not None:
+        raise ValueError(f"method 'exact' takes a Plane only, got {scene.surface!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:
@@ -133,8 +136,7 @@ def simulate(
     times = [0.0]
     history = [rows.copy()]
     forces = [np.zeros((len(rows), points))]
-    depth = np.minimum(0.0, scene.gap(state).min(axis=-1)).reshape(-1, 1)
-    rows[:, :3] -= np.where(depth < -TOUCH, depth, 0.0) * scene.surface.normal
+    _lift(scene, state, rows)
 
     def run_all(n, h, t, f):
         a = scene.gravity + force_at(times[-1]) / body.m
@@ -205,6 +207,16 @@ def _options(method: str, options: dict | None) -> np.ndarray:
         elif not isinstance(value, bool):
             raise ValueError(f"options[{name!r}] must be True or False, got {value!r}")
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)
+
+
+def _lift(scene: Scene, state: State, rows: np.ndarray) -> None:
+    """Raise the rows that overlap the ground. Over a height field a lift leaves at most half the depth."""
+    for _ in range(MAX_LIFTS):
+        x = rows[:, :3].reshape(state.x.shape)
+        depth = scene.gap(State(x, state.quat, state.v, state.w)).min(axis=-1).reshape(-1, 1)
+        if (depth >= -TOUCH).all():
+            break
+        rows[:, :3] -= np.where(depth < -TOUCH, depth, 0.0) * scene.surface.parameters[:3]
 
 
 def _refuse_deep(scene: Scene, state: State, exactly: bool) -> None:

@@ -37,10 +37,14 @@ INV_K = 43
 TARGET = 49  # AIM along N, t1, t2
 SLIP = 52  # tangential velocity before the impulse, m/s
 STEP = 54  # what the last sweep changed of P, N s
-WIDTH = 57
+# What only a height field needs:
+NORMAL = 57  # N in world axes
+WIDTH = 60
 # What `project.shove` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
 RISE = 19
 ROLL = 20
+# And `kick.begin`, over a height field, until `fill`: H in world axes.
+BEND = 19
 
 EXTRAPOLATE = 0.9
 """Sweeps that shrink by less than this factor are not extrapolated."""
