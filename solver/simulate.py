@@ -114,6 +114,8 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
+    if method == "exact" and scene.surface.field is not None:
+        raise ValueError(f"method 'exact' takes a Plane only, got {scene.surface!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:

@@ -87,7 +87,9 @@ class HeightField:
             slope, self.valley, self.bump = _extremes(c, self.spacing)
         if not slope <= STEEPEST:
             got = np.degrees(np.arctan(slope))
-            raise ValueError(f"grid must not be steeper than 60°, nor go on so beyond its border, got {got:.3g}°")
+            raise ValueError(
+                f"grid must not be steeper than 60°, nor go on so beyond its border, got {got:.3g}°"
+            )
         # The level plane through the highest coefficient: the surface is nowhere above it.
         self.parameters = np.array([0, 0, 1, 1, 0, 0, 0, 1, 0, c.max()], dtype=np.float64)
         corner = self.origin[:2] - FADE * self.spacing
