@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import acceleration, baumgarte, impulse
-from .exact import run as exact
 from .errors import SolverError, finite, number, one_of
+from .exact import run as exact
 from .model import CROWDED, MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
@@ -24,7 +24,12 @@ METHODS = {
 }
 """Name of each method: what it is."""
 
-_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run, "exact": exact.run}
+_KERNELS = {
+    "acceleration": acceleration.run,
+    "baumgarte": baumgarte.run,
+    "impulse": impulse.run,
+    "exact": exact.run,
+}
 _OPTIONS: dict[str, dict[str, bool | float]] = {
     "acceleration": {"every_frame": False},
     "baumgarte": {"alpha": baumgarte.ALPHA, "beta": baumgarte.BETA},
@@ -114,8 +119,6 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
-    if method == "exact" and scene.surface.field is not None:
-        raise ValueError(f"method 'exact' takes a Plane only, got {scene.surface!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:
@@ -226,4 +229,6 @@ def _refuse_deep(scene: Scene, state: State, exactly: bool) -> None:
     allowed = "" if exactly else f" ({DEEPEST_START:.0%} of the hull's bounding radius)"
     deepest = scene.gap(state).min()
     if deepest < limit:
-        raise ValueError(f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed{allowed}")
+        raise ValueError(
+            f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed{allowed}"
+        )

@@ -243,7 +243,7 @@ def rates(body, hull, ground, mu, a, torque, y, contacts, space, dy):
         (margin, how many contacts): the least of what must stay positive, N, pushing forces and what
         friction has left; −inf where there is no answer.
     """
-    x, quat, v, w = load(y)
+    _x, quat, v, w = load(y)
     rows = space[0]
     n = closed_rows(body, hull, ground, mu, y, contacts, rows)
     R = matrix(quat)

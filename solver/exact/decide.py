@@ -8,10 +8,10 @@ away; and friction holds what does not slip if it can, else slip begins against 
 from math import sqrt
 
 from ..algebra import add, axpy, matrix, put2, six2, stage, times, to_body, vec2
-from ..contact import centripetal, gyroscopic
+from ..contact import gyroscopic
 from ..friction import cone_impulse
 from ..model import load
-from ..sweep import INV_K, POINT, SLIP, TARGET, K, P, Q, apply, in_axes, velocity
+from ..sweep import INV_K, POINT, SLIP, TARGET, K, P, apply, in_axes, velocity
 from .constraint import (
     FREE,
     ON_CONE,
@@ -41,8 +41,12 @@ def decide(body, hull, ground, mu, a, torque, y, contacts, space):
     """Set how each closed point touches, so that the forces that follow are those of rigid contact.
 
     Args:
-        body, hull, ground, a, torque: as in `impulse.step`.
+        body: (m, 1/m, J, 1/J, bound).
+        hull: (p, 4).
+        ground: (N, t1, t2, d, field).
         mu: friction coefficient.
+        a: g + F_ext/m, m/s².
+        torque: N m, body axes.
         y: motion; closed points do not move along the normal.
         contacts: (p, MEMORY): every point that touches and does not leave is not FREE.
         space: of `workspace`.

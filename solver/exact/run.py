@@ -297,8 +297,8 @@ def rests(body, hull, ground, mu, a, torque, y, contacts, space, dy):
 def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """Go on for n h seconds, in place.
 
-    The arguments are those of `impulse.run`, but `contacts` has EXTRA more rows, for what is remembered of a flight. options[0]: the error allowed in each
-    step of a segment, of the motion's own scales.
+    The arguments are those of `impulse.run`, but `contacts` has EXTRA more rows, for what is remembered of
+    a flight, and options[0] is `tol`.
 
     Returns:
         OK, NOT_FINITE, STUCK or CROWDED; then `state` is as it was at the last event.

@@ -15,6 +15,7 @@ from ..model import gap_of, load, seen, speed_of
 from ..sweep import POINT, SLIP
 from .constraint import FREE, RATE, SLIDES, STILL, direction, keep, rates, scales
 from .dop853 import ERROR_3, ERROR_5, STAGES, TABLE
+from .flight import hollow, within
 
 SIZE = 13
 """Of the motion in y = (x, quat, v, w, p): v in world, w in body axes. After it come the hull points'
@@ -138,7 +139,7 @@ def certain(hull, ground, y, y1, h, contacts, stages):
 
 @jit
 def slip_ends(contacts, rows, n, mu, noise):
-    """(does a slip end here?, how long until one does at its present rate, s); slower than `noise` is none."""
+    """(does a slip end here?, how long until one does at its rate, s); a rate below `noise` is none."""
     soonest, ended = inf, False
     if mu > 0.0:
         for c in range(n):
@@ -168,8 +169,12 @@ def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space,
     """From y, in place, for `span` seconds or until something happens.
 
     Args:
-        body, hull, ground, a, torque: as in `impulse.step`.
+        body: (m, 1/m, J, 1/J, bound).
+        hull: (p, 4).
+        ground: (N, t1, t2, d, field).
         mu: friction coefficient.
+        a: g + F_ext/m, m/s².
+        torque: N m, body axes.
         y: (13 + p,) motion and impulses.
         contacts: (p, MEMORY): which points are closed, and how.
         span: s.
@@ -208,7 +213,9 @@ def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space,
             for k in range(hull.shape[0]):
                 if contacts[k, 0] == SLIDES:
                     contacts[k, 1], contacts[k, 2] = slips[k, 0], slips[k, 1]
-            error, end, seen = attempt(body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1)
+            error, end, seen = attempt(
+                body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1
+            )
             if not error <= tol:
                 step *= max(0.2, 0.9 * (tol / error) ** 0.125) if error < inf else 0.2
                 continue
