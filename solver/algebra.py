@@ -14,11 +14,13 @@ from numba.extending import intrinsic
 # Contraction to fused multiply-add is the only liberty the compiler takes: full fastmath would delete
 # the checks for NaN, and would make the bits depend on how the code is vectorised.
 FASTMATH = {"contract"}
-jit = partial(njit, fastmath=FASTMATH, error_model="numpy", forceinline=True)
+jit = partial(njit, fastmath=FASTMATH, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
 """For small helpers: they dissolve in their caller. Left to itself the compiler calls most of them,
 passing each array as nine arguments, which costs more than what they do."""
-stage = partial(njit, fastmath=FASTMATH, error_model="numpy")
+stage = partial(njit, fastmath=FASTMATH, error_model="numpy", no_cfunc_wrapper=True)
 """For the stages of a step: called, not copied, which keeps compiling quick."""
+once = partial(njit, fastmath=FASTMATH, error_model="numpy", inline="always")
+"""For what has one caller or two, and is large: not compiled by itself first."""
 entry = partial(njit, fastmath=FASTMATH, error_model="numpy", cache=True, nogil=True)
 """For the few functions that Python calls: compiled once, then kept on disk."""
 

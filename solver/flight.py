@@ -15,7 +15,7 @@ MAX_PIECES = 100_000
 
 
 @jit
-def spin(J, inv_J, quat, w, h):
+def spin(J, inv_J, gyro, quat, w, h):
     """Turn freely for h seconds: J ẇ = −w × J w, the torque-free part of Eq. 2.
 
     Fourth order: the rotation vector by Magnus' series, its integrals by the classical Runge-Kutta
@@ -25,6 +25,7 @@ def spin(J, inv_J, quat, w, h):
     Args:
         J: principal moments of inertia, kg m².
         inv_J: their inverses.
+        gyro: None if −w × J w is zero, as J is a multiple of the identity.
         quat: attitude, body to world.
         w: angular velocity, body axes, rad/s.
         h: s.
@@ -42,15 +43,23 @@ def spin(J, inv_J, quat, w, h):
     if not turn2 < (MAX_TURN * MAX_PIECES) ** 2:  # or not a number: the caller's check finds it
         return (np.nan, np.nan, np.nan, np.nan), w
     for _ in range(n):
-        w_dot = gyroscopic(J, inv_J, w)
-        w_dot1 = gyroscopic(J, inv_J, axpy(0.5 * dt, w_dot, w))
-        w_dot2 = gyroscopic(J, inv_J, axpy(0.5 * dt, w_dot1, w))
-        # half the rotation vector: ∫w dt + ½∫∫ w × w dt dt, halved
-        s = dt * dt * (1.0 / 12.0)
-        e = axpy(s, add(w_dot, add(w_dot1, w_dot2)), scale(0.5 * dt, w))
-        e = axpy(0.5 * dt * s, cross(w, w_dot1), e)
+        e = half_turn(J, inv_J, gyro, w, dt)
         quat, w = turn(J, inv_J, quat, w, e)
     return quat, w
+
+
+@jit
+def half_turn(J, inv_J, gyro, w, h):
+    """Half the rotation vector of h seconds: ∫w dt + ½∫∫ w × w dt dt, halved; body axes."""
+    e = scale(0.5 * h, w)
+    if gyro is None:
+        return e
+    w_dot = gyroscopic(J, inv_J, w)
+    w_dot1 = gyroscopic(J, inv_J, axpy(0.5 * h, w_dot, w))
+    w_dot2 = gyroscopic(J, inv_J, axpy(0.5 * h, w_dot1, w))
+    s = h * h * (1.0 / 12.0)
+    e = axpy(s, add(w_dot, add(w_dot1, w_dot2)), e)
+    return axpy(0.5 * h * s, cross(w, w_dot1), e)
 
 
 @jit

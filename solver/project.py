@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from .algebra import axpy, cross, dot, jit, matrix, put2, stage, to_body, vec2
+from .algebra import axpy, cross, dot, jit, matrix, put2, to_body, vec2
 from .contact import inverse_mass, shift
 from .flight import turn
 from .model import CLOSED, OPEN, TOUCH, arm, gap, height_over
@@ -41,7 +41,7 @@ def lowest_open(hull, plane, quat, x, contacts):
     return at, deepest
 
 
-@stage
+@jit
 def project(body, hull, plane, x, quat, w, contacts, rows, n, clear):
     """Positions alone, along M⁻¹Wᵀ: the first n rows' points onto the surface, or out of it.
 

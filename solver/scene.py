@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from . import acceleration
+from . import acceleration, terms
 from .body import Body
 from .errors import finite, number
 from .rotation import from_matrix, product, to_matrix
@@ -127,6 +127,8 @@ class Scene:
             np.array([self.friction, self.restitution]),
         )
         """The scene as the kernels' first arguments: body, hull, plane, law."""
+        self.law = terms.needed(body, self.friction, self.restitution)
+        """The terms that "impulse" is compiled for; set to `terms.full`, it has them all."""
 
     def energy(self, state: State) -> np.ndarray | float:
         """½m|v|² + ½w·Jw − m g·x, J: a float, or (n,) for a batch."""
