@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from .algebra import add, axpy, cross, dot, jit, product, scale, times
+from .algebra import add, axpy, cross, dot, fma, jit, product, scale, times
 from .contact import gyroscopic
 
 MAX_TURN = 0.0125
@@ -66,11 +66,11 @@ def half_turn(J, inv_J, gyro, w, h):
 def turn(J, inv_J, quat, w, e):
     """Turn by the rotation vector 2e (body axes, |e| < 0.01), and w so that the world's J w stays."""
     angle2 = dot(e, e)
-    c = 1.0 - angle2 * (1.0 / 2.0 - angle2 * (1.0 / 24.0))
-    e = scale(1.0 - angle2 * (1.0 / 6.0 - angle2 * (1.0 / 120.0)), e)
+    c = fma(-angle2, fma(-angle2, 1.0 / 24.0, 1.0 / 2.0), 1.0)
+    e = scale(fma(-angle2, fma(-angle2, 1.0 / 120.0, 1.0 / 6.0), 1.0), e)
     # what rounding did to the norm so far is taken back
-    n2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
-    fix = 1.5 - 0.5 * n2
+    n2 = fma(quat[3], quat[3], fma(quat[2], quat[2], fma(quat[1], quat[1], quat[0] * quat[0])))
+    fix = fma(-0.5, n2, 1.5)
     quat = product(quat, (fix * c, fix * e[0], fix * e[1], fix * e[2]))
     # L' = L + 2c L×e + 2 (L×e)×e
     t = scale(2.0, cross(times(J, w), e))

@@ -36,7 +36,8 @@ STILL = 3e-15
 """m/s: contacts this near their aims are left as they are."""
 
 REST = 6e-15
-"""m/s and rad/s: velocities that the contacts' forces change by less in a step do not change."""
+"""m/s and rad/s: velocities that the contacts' forces change by less in a step do not change, and
+are 0 where they are less themselves: so nothing creeps, and a body can fall asleep."""
 
 ON_CONE = 0.999
 """A force that fills so much of its cone slides; then sweeping is quicker than trying to stick, unless
@@ -55,6 +56,8 @@ FINEST = 1e-12
 
 COLD = 1e-3
 """m/s, beyond g h: sweeps that still change so much had a first guess that was worse than none."""
+
+NOTHING = (0.0, 0.0, 0.0)
 
 
 @jit
@@ -176,6 +179,8 @@ def hold(body, hull, height, R, mu, gyro, several, a, v_before, w_before, v, w, 
         # At rest nothing changes at all: residuals that add up would have to be undone in the end.
         v1 = to_world(R, v1)
         rests = change(v1, v_before) < REST and change(w1, w_before) < REST
+        if rests and dot(v_before, v_before) + dot(w_before, w_before) < REST * REST:
+            return NOTHING, NOTHING
         return (v_before, w_before) if rests else (v1, w1)
     gh = h * sqrt(dot(a, a))
     before = to_body(R, v_before)

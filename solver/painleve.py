@@ -2,8 +2,7 @@
 
     N·K N > μ |K_t N|,  K_t N the part of K N along the surface
 
-is needed for every normal N that the body can meet, which over an attitude and a ground of any tilt is
-every direction in the body.
+is needed for every normal N that the body can meet: over all attitudes, every direction in the body.
 """
 
 import numpy as np
@@ -14,10 +13,10 @@ GRID = 1000
 """Directions tried first, where the radius makes K depend on N."""
 
 CLIMBERS = 24
-"""Of which so many are improved, those with most friction to spare last."""
+"""So many of them are improved, the steepest."""
 
-HALVINGS = 40
-"""From the grid's spacing: the direction is then known to 1e-13, its maximum to rounding."""
+FINEST = 1e-9
+"""rad: the last steps of a climb. Near its top a hill falls with the square of that."""
 
 
 def critical_friction(body: Body) -> np.ndarray:
@@ -68,7 +67,7 @@ def _climb(height, starts: np.ndarray) -> float:
     N = grid[np.argsort(-height(grid))[:CLIMBERS]]
     compass = np.exp(0.25j * np.pi * np.arange(8))
     reach = np.full(len(N), 2.0 / np.sqrt(GRID))
-    while reach.max() > 2.0**-HALVINGS:
+    while reach.max() > FINEST:
         side = np.cross(N, np.eye(3)[np.abs(N).argmin(axis=1)])
         side /= np.linalg.norm(side, axis=1, keepdims=True)
         ahead = np.cross(N, side)

@@ -165,6 +165,14 @@ class Scene:
             acceleration.quantities(*self.parameters, a, torque, row, quantities)
         return Contact(*np.moveaxis(out.reshape(*state.x.shape[:-1], *out.shape[1:]), -1, 0))
 
+    def explain(self) -> str:
+        """Which terms the kernel of "impulse" has for this scene, why, and what each costs: a table.
+
+        The cost of a term is what leaving it out saves, ns a step (`terms.COST`). The last line tells if
+        Painlevé's paradox can occur, and from which friction on.
+        """
+        return terms.explain(self.body, self.friction, self.law)
+
     def __repr__(self):
         return (
             f"Scene({self.body}, {self.surface}, gravity={self.gravity.tolist()}, "

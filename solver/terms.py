@@ -9,6 +9,7 @@ leaving it out changes no bit: tests compare with `full`.
 import numpy as np
 
 from .body import Body
+from .painleve import critical_friction
 
 Law = tuple[float | None, float | None, bool | None, bool | None]
 
@@ -33,3 +34,50 @@ def needed(body: Body, friction: float, restitution: float) -> Law:
 def full(friction: float, restitution: float) -> Law:
     """Every term, needed or not: to set a scene's `law` to, for comparison."""
     return friction, restitution, True, True
+
+
+COST = {
+    "friction": 30,
+    "restitution": 0,
+    "gyroscopic": 20,
+    "sweep": 20,
+    "contact work": 100,
+    "steps at rest": 150,
+}
+"""ns a step that leaving the term out saves: differences of medians by `python -m solver.chart.terms`, on
+two shared cores of a virtual x86-64 machine."""
+
+
+def explain(body: Body, friction: float, law: Law) -> str:
+    """A table of a scene's terms, and whether Painlevé's paradox can occur in it.
+
+    Args:
+        body: of the scene.
+        friction: its μ.
+        law: what its kernel is compiled for.
+    """
+    mu, e, gyro, several = law
+    J = ", ".join(f"{moment:.4g}" for moment in body.principal_J)
+    whole = np.ptp(body.principal_J) == 0.0
+    points = len(body.hull)
+    rows = [
+        ("friction", mu, f"μ = {friction:g}"),
+        ("restitution", e, f"e = {e or 0.0:g}"),
+        ("gyroscopic", gyro, f"J = ({J}) kg m²: w × J w " + ("= 0" if whole else "≠ 0")),
+        ("sweep", several, f"{points} hull points" if points > 1 else "one hull point: one solve is exact"),
+        ("curvature", None, "the ground is a plane: H = 0"),
+        ("contact work", True, f"out while the centre of mass is above {body.bounding_radius:.4g} m"),
+        ("steps at rest", True, "out after a step that changes no bit, for the rest of the call"),
+    ]
+    lines = [f"{'term':14}{'':5}{'ns/step':>8}  why"]
+    for term, value, why in rows:
+        cost = f"{COST[term]:g}" if term in COST else "-"
+        lines.append(f"{term:14}{'out' if value is None else 'in':5}{cost:>8}  {why}")
+    critical = critical_friction(body)
+    k = int(critical.argmin())
+    if np.isinf(critical[k]):
+        why = "cannot occur with any friction"
+    else:
+        can = "can" if friction >= critical[k] else "cannot"
+        why = f"{can} occur at μ = {friction:g}; hull point {k} meets it from μ = {critical[k]:.4g}"
+    return "\n".join([*lines, f"{'Painlevé':27}  {why}"])

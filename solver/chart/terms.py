@@ -1,0 +1,86 @@
+"""What leaving each term out of the kernel of "impulse" saves, in scenes that do not need it.
+
+`python -m solver.chart.terms` prints the table that `solver.terms.COST` keeps.
+"""
+
+from collections.abc import Callable
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+
+from solver.body import Body
+from solver.impulse import run
+from solver.model import MEMORY
+from solver.scene import Scene, State, to_kernel
+from solver.terms import Law, full
+
+STEPS = 2000
+ROUNDS = 25
+H = 1 / 240
+
+
+def start(height: float, v: tuple, w: tuple) -> State:
+    """Upright, so high."""
+    return State(np.array([0.0, 0.0, height]), np.array([1.0, 0.0, 0.0, 0.0]), np.array(v), np.array(w))
+
+
+def timed(scene: Scene, state: State, law: Law, bound: float | None = None, calls: int = 1) -> float:
+    """ns a step: STEPS steps in so many calls; `bound` replaces the radius of the bounding sphere."""
+    body, hull, plane, _law = scene.parameters
+    body = body.copy()
+    body[4] = body[4] if bound is None else bound
+    row = to_kernel(scene.body, state)[0]
+    memory, f = np.zeros((len(hull), MEMORY)), np.zeros(len(hull))
+    none = np.zeros(1)
+    start = perf_counter()
+    for _ in range(calls):
+        run(body, hull, plane, law, scene.gravity, np.zeros(3), row, memory, f, none, H, STEPS // calls)
+    return 1e9 * (perf_counter() - start) / STEPS
+
+
+def costs() -> dict[str, tuple[float, float]]:
+    """Of each term: median ns a step with it and without; with and without take turns."""
+    box, cube = Body.box(1.0, (0.3, 0.4, 0.5)), Body.box(1.0, (0.3, 0.3, 0.3))
+    ball = Body(1.0, (3e-3, 4e-3, 5e-3), [(0.0, 0.0, -0.02)], radius=0.1)
+    slides = start(0.25, (1, 0, 0), (0, 0, 0))
+    rests = start(0.25, (0, 0, 0), (0, 0, 0))
+    rolls = start(0.12, (1, 0.2, 0), (1, 2, 3))
+    flies = start(1e5, (0, 0, 0), (0.5, 0.3, 0.2))
+
+    def left_out(scene: Scene, state: State, term: int) -> tuple[Callable, Callable]:
+        law = full(scene.friction, scene.restitution)
+        lean: Any = (*law[:term], None, *law[term + 1 :])
+        return lambda: timed(scene, state, law), lambda: timed(scene, state, lean)
+
+    rough = Scene(box, friction=0.5)
+    law = full(0.5, 0.0)
+    pairs = {
+        "friction": left_out(Scene(box), slides, 0),
+        "restitution": left_out(rough, slides, 1),
+        "gyroscopic": left_out(Scene(cube, friction=0.5), flies, 2),
+        "sweep": left_out(Scene(ball, friction=0.5), rolls, 3),
+        "contact work": (
+            lambda: timed(rough, flies, law, bound=np.inf),
+            lambda: timed(rough, flies, law),
+        ),
+        # calls of one step can't sleep through the next; what a call costs is in calls of none
+        "steps at rest": (
+            lambda: timed(rough, rests, law, calls=STEPS) - timed(rough, rests, law, calls=2 * STEPS) / 2,
+            lambda: timed(rough, rests, law),
+        ),
+    }
+    times: dict[str, list[tuple[float, float]]] = {term: [] for term in pairs}
+    for n in range(ROUNDS + 1):
+        for term, (with_it, without) in pairs.items():
+            pair = with_it(), without()
+            if n > 0:  # the first compiles
+                times[term].append(pair)
+    medians = {term: np.median(pairs, axis=0) for term, pairs in times.items()}
+    return {term: (float(pair[0]), float(pair[1])) for term, pair in medians.items()}
+
+
+if __name__ == "__main__":
+    print(f"{'term':14}{'with':>8}{'without':>9}  ns a step")
+    for term, (with_it, without) in costs().items():
+        print(f"{term:14}{with_it:8.0f}{without:9.0f}")
