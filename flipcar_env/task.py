@@ -10,8 +10,19 @@ from solver.model import MEMORY, is_finite, load, store, unpack
 from solver.sweep import WIDTH as CONTACT_ROW
 from solver.sweep import kinetic_energy
 
-from . import observe, reward
+from . import car, observe, reward
 from . import row as r
+
+RESTITUTION = True if car.RESTITUTION > 0.0 else None
+"""None: the car's kernel leaves restitution out; every other term it has (`solver.terms`)."""
+
+
+@jit
+def kept(term, value):
+    """The value, or None if its term is left out."""
+    if term is None:
+        return None
+    return value
 
 
 @jit
@@ -43,7 +54,7 @@ def observe_row(model, out, x, quat, v, w):
 def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
     body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
-    law = (model[r.LAW], None, True, True)
+    law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True)
     g = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps

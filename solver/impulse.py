@@ -461,7 +461,7 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
         body: (5,) m, principal moments, radius of the bounding sphere.
         hull: (p, 4).
         plane: (10,) N, t1, t2, N·point.
-        law: (μ, e, gyroscopic, several), a tuple; None: left out (`terms`).
+        law: (μ, e, gyroscopic, several), a tuple; None: left out (`terms`). Other methods: (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
         state: (13,) x, quat, v (world axes), w (principal axes).
