@@ -53,7 +53,7 @@ def observe_row(model, out, x, quat, v, w):
 @once
 def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
-    body, plane = unpack(model[r.BODY : r.BODY + 5], model[r.PLANE : r.PLANE + 10])
+    body, ground = unpack(model[r.BODY : r.BODY + 5], (model[r.PLANE : r.PLANE + 10], None))
     law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True)
     g = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
@@ -84,7 +84,7 @@ def step_row(model, hull, row, action, scratch):
     clear = 0.0
     for done in range(substeps):
         x1, quat1, v1, w1, clear, still = impulse.step(
-            body, hull, plane, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
+            body, hull, ground, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
         )
         if not is_finite(x1, quat1, v1, w1):
             failed = True
@@ -93,7 +93,7 @@ def step_row(model, hull, row, action, scratch):
         asleep = still > 0 and (x, quat, v, w) == (x1, quat1, v1, w1)
         x, quat, v, w = x1, quat1, v1, w1
         if asleep:
-            impulse.repeat(scratch, still, plane, push, substeps - 1 - done)
+            impulse.repeat(scratch, still, ground, push, substeps - 1 - done)
             for _ in range(done + 1, substeps):
                 work += h * abs(dot(torque, w))
             break

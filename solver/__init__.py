@@ -11,12 +11,13 @@ from .body import Body
 from .errors import SolverError
 from .scene import Contact, Scene, State
 from .simulate import METHODS, Run, simulate
-from .surface import Plane
+from .surface import HeightField, Plane
 
 __all__ = [
     "METHODS",
     "Body",
     "Contact",
+    "HeightField",
     "Plane",
     "Run",
     "Scene",

@@ -49,13 +49,16 @@ from .model import (
     PAINLEVE,
     TOUCH,
     arm,
-    closing_speed,
-    gap,
-    height_over,
+    bending,
+    gap_of,
     is_finite,
     load,
+    meet,
+    seen,
+    speed_of,
     store,
     unpack,
+    upward,
 )
 
 STIFF = (0.0, 0.0)
@@ -63,21 +66,21 @@ STIFF = (0.0, 0.0)
 
 
 @jit
-def contact_force(body, hull, k, plane, mu, spring, R, height, a_free, w_dot_free, v, w):
+def contact_force(body, hull, k, field, mu, spring, view, a_free, w_dot_free, v, w):
     """Eq. 9 of one point, with Eq. 11's denominator if it slides with friction, all in body axes.
 
     With a spring of (α, β) = (0, 0) it is Eq. 7.
 
     Returns:
-        (f, F): the normal force, N, and the whole force, N. f is NaN where Eq. 11's denominator is
-        not positive: Painlevé's paradox, in which a force has no meaning.
+        (f, F, q): the normal force, N, the whole force, N, and where it acts. f is NaN where Eq. 11's
+        denominator is not positive: Painlevé's paradox, in which a force has no meaning.
     """
     _m, inv_m, _J, inv_J, _bound = body
-    N = to_body(R, plane[0])
+    phi, N, H = meet(hull, k, field, view)
     b, q = arm(hull, k, N)
     alpha, beta = spring
-    l = free_acceleration(N, b, q, a_free, w_dot_free, w)
-    l += 2.0 * alpha * normal_speed(N, q, v, w) + beta * beta * gap(hull, k, N, height)
+    l = free_acceleration(N, b, q, a_free, w_dot_free, w) + bending(field, H, view[0], b, v, w)
+    l += 2.0 * alpha * normal_speed(N, q, v, w) + beta * beta * phi
     direction = N
     if mu > 0.0:
         u = axpy(1.0, v, cross(w, q))
@@ -89,23 +92,22 @@ def contact_force(body, hull, k, plane, mu, spring, R, height, a_free, w_dot_fre
     arms = times(inv_J, cross(q, direction))
     G = inv_m * dot(N, direction) + dot(cross(q, N), arms)
     if G <= 0.0:
-        return np.nan, scale(np.nan, N)
+        return np.nan, scale(np.nan, N), q
     f = force(G, l)
-    return f, scale(f, direction)
+    return f, scale(f, direction), q
 
 
 @stage
-def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
+def collide(body, hull, ground, e, every_frame, x, quat, v, w, contacts):
     """Eq. 8 at every point that touches, or has sunk, and closes; each by itself, then added."""
     _m, inv_m, _J, inv_J, _bound = body
     R = matrix(quat)
-    N = to_body(R, plane[0])
+    view = seen(ground, R, x)
     v_b = to_body(R, v)
     v1, w1 = v_b, w
-    lift = 0.0
     turn = (0.0, 0.0, 0.0)
     for k in range(hull.shape[0]):
-        g = gap(hull, k, N, height_over(plane, x))
+        g, N, _H = meet(hull, k, ground[4], view)
         if contacts[k, 0] == OPEN and g > TOUCH:
             continue
         _b, q = arm(hull, k, N)
@@ -120,40 +122,36 @@ def collide(body, hull, plane, e, every_frame, x, quat, v, w, contacts):
                 v1, w1 = push(inv_m, inv_J, q, p, v1, w1)
             if g < 0.0:
                 dx, dq = shift(inv_m, inv_J, N, q, G, g)
-                lift += dx
+                x = axpy(dx, upward(ground, ground[4], R, N), x)
                 turn = axpy(1.0, dq, turn)
     v = to_world(R, v1)
-    x = axpy(lift, plane[0], x)
     return x, turned(quat, scale(0.5, turn)), v, w1
 
 
 @jit
-def close(hull, plane, x, quat, v, w, contacts):
+def close(hull, ground, x, quat, v, w, contacts):
     """A point that touches and is still is a closed contact: Eqs. 6-7 hold for it."""
-    R = matrix(quat)
-    N = to_body(R, plane[0])
+    view = seen(ground, matrix(quat), x)
     for k in range(hull.shape[0]):
-        touches = abs(gap(hull, k, N, height_over(plane, x))) <= TOUCH
-        if touches and abs(closing_speed(hull, k, plane, R, v, w)) <= TOUCH:
+        touches = abs(gap_of(hull, k, ground[4], view)) <= TOUCH
+        if touches and abs(speed_of(hull, k, ground[4], view, v, w)) <= TOUCH:
             contacts[k, 0] = CLOSED
 
 
 @stage
-def forces(body, hull, plane, mu, spring, a, torque, x, quat, v, w, contacts, f):
+def forces(body, hull, ground, mu, spring, a, torque, x, quat, v, w, contacts, f):
     """Accelerations (ẍ world, ẇ body) of Eqs. 1-3 with every closed contact's force; f is filled."""
     _m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
-    N, a_b = to_body(R, plane[0]), to_body(R, a)
-    v_b = to_body(R, v)
+    view = seen(ground, R, x)
+    a_b, v_b = to_body(R, a), to_body(R, v)
     w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
     x_ddot, w_ddot = a_b, w_dot
-    height = height_over(plane, x)
     for k in range(hull.shape[0]):
         f[k] = 0.0
         if contacts[k, 0] == CLOSED:
-            f[k], F = contact_force(body, hull, k, plane, mu, spring, R, height, a_b, w_dot, v_b, w)
+            f[k], F, q = contact_force(body, hull, k, ground[4], mu, spring, view, a_b, w_dot, v_b, w)
             if f[k] > 0.0:
-                _b, q = arm(hull, k, N)
                 x_ddot, w_ddot = push(inv_m, inv_J, q, F, x_ddot, w_ddot)
             elif f[k] == 0.0:
                 contacts[k, 0] = OPEN
@@ -177,7 +175,7 @@ def euler(x, quat, v, w, x_ddot, w_ddot, h):
 
 
 @entry
-def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place; the arguments are those of `impulse.run`.
 
     `f` is left as the force at the end, not a mean. options[0] != 0: Eq. 8 with e = 0 every step.
@@ -185,40 +183,42 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     Returns:
         OK, NOT_FINITE, or PAINLEVE; then `state` is as it was before the step that failed.
     """
-    body_, plane_ = unpack(body, plane)
+    body_, ground_ = unpack(body, ground)
     mu, e = law[0], law[1]
     a_ = vec(a, 0)
     torque_ = vec(torque, 0)
     every_frame = options[0] != 0.0
     x, quat, v, w = load(state)
     for _ in range(n):
-        x, quat, v, w = collide(body_, hull, plane_, e, every_frame, x, quat, v, w, contacts)
-        close(hull, plane_, x, quat, v, w, contacts)
-        x_ddot, w_ddot = forces(body_, hull, plane_, mu, STIFF, a_, torque_, x, quat, v, w, contacts, f)
+        x, quat, v, w = collide(body_, hull, ground_, e, every_frame, x, quat, v, w, contacts)
+        close(hull, ground_, x, quat, v, w, contacts)
+        x_ddot, w_ddot = forces(body_, hull, ground_, mu, STIFF, a_, torque_, x, quat, v, w, contacts, f)
         if np.isnan(f).any():
             return PAINLEVE
         x, quat, v, w = euler(x, quat, v, w, x_ddot, w_ddot, h)
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         store(state, x, quat, v, w)
-    close(hull, plane_, x, quat, v, w, contacts)
-    forces(body_, hull, plane_, mu, STIFF, a_, torque_, x, quat, v, w, contacts.copy(), f)
+    close(hull, ground_, x, quat, v, w, contacts)
+    forces(body_, hull, ground_, mu, STIFF, a_, torque_, x, quat, v, w, contacts.copy(), f)
     return PAINLEVE if np.isnan(f).any() else OK
 
 
 @entry
-def quantities(body, hull, plane, law, a, torque, state, out):
+def quantities(body, hull, ground, law, a, torque, state, out):
     """The article's φ, v, G, l, f, i (Eqs. 4-8) of every hull point, by itself; out is (p, 6)."""
-    body_, plane_ = unpack(body, plane)
+    body_, ground_ = unpack(body, ground)
     _m, inv_m, J, inv_J, _bound = body_
     x, quat, v, w = load(state)
     R = matrix(quat)
-    N, v_b, a_b = to_body(R, plane_[0]), to_body(R, v), to_body(R, vec(a, 0))
+    view, field = seen(ground_, R, x), ground_[4]
+    v_b, a_b = to_body(R, v), to_body(R, vec(a, 0))
     w_dot = axpy(1.0, times(inv_J, vec(torque, 0)), gyroscopic(J, inv_J, w))
     for k in range(hull.shape[0]):
+        phi, N, H = meet(hull, k, field, view)
         b, q = arm(hull, k, N)
         speed = normal_speed(N, q, v_b, w)
         G = inverse_mass(inv_m, inv_J, N, q)
-        l = free_acceleration(N, b, q, a_b, w_dot, w)
+        l = free_acceleration(N, b, q, a_b, w_dot, w) + bending(field, H, R, b, v_b, w)
         f, i = force(G, l), impulse(G, speed, law[1])
-        put6(out, k, 0, (gap(hull, k, N, height_over(plane_, x)), speed, G, l, f, i))
+        put6(out, k, 0, (phi, speed, G, l, f, i))

@@ -27,10 +27,10 @@ from .model import (
     PAINLEVE,
     TOUCH,
     arm,
-    gap,
-    height_over,
     is_finite,
     load,
+    meet,
+    seen,
     store,
     unpack,
 )
@@ -43,15 +43,16 @@ BETA = 20.0
 
 
 @stage
-def arrive(body, hull, plane, e, x, quat, v, w, contacts):
+def arrive(body, hull, ground, e, x, quat, v, w, contacts):
     """Eq. 8 at every point that has come down and closes; it is a closed contact from then on."""
     _m, inv_m, _J, inv_J, _bound = body
     R = matrix(quat)
-    N = to_body(R, plane[0])
+    view = seen(ground, R, x)
     v_b = to_body(R, v)
     v1, w1 = v_b, w
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN and gap(hull, k, N, height_over(plane, x)) <= TOUCH:
+        g, N, _H = meet(hull, k, ground[4], view)
+        if contacts[k, 0] == OPEN and g <= TOUCH:
             contacts[k, 0] = CLOSED
             _b, q = arm(hull, k, N)
             speed = normal_speed(N, q, v_b, w)
@@ -62,7 +63,7 @@ def arrive(body, hull, plane, e, x, quat, v, w, contacts):
 
 
 @entry
-def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place; the arguments are those of `impulse.run`.
 
     `f` is left as the force at the end, not a mean. options: α and β, 1/s.
@@ -70,15 +71,15 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     Returns:
         OK, NOT_FINITE, or PAINLEVE; then `state` is as it was before the step that failed.
     """
-    body_, plane_ = unpack(body, plane)
+    body_, ground_ = unpack(body, ground)
     mu, e = law[0], law[1]
     a_ = vec(a, 0)
     torque_ = vec(torque, 0)
     spring = (options[0], options[1])
     x, quat, v, w = load(state)
     for _ in range(n):
-        v, w = arrive(body_, hull, plane_, e, x, quat, v, w, contacts)
-        x_ddot, w_ddot = forces(body_, hull, plane_, mu, spring, a_, torque_, x, quat, v, w, contacts, f)
+        v, w = arrive(body_, hull, ground_, e, x, quat, v, w, contacts)
+        x_ddot, w_ddot = forces(body_, hull, ground_, mu, spring, a_, torque_, x, quat, v, w, contacts, f)
         if np.isnan(f).any():
             return PAINLEVE
         x, quat, v, w = euler(x, quat, v, w, x_ddot, w_ddot, h)
@@ -86,6 +87,6 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
             return NOT_FINITE
         store(state, x, quat, v, w)
     closed = contacts.copy()
-    v, w = arrive(body_, hull, plane_, e, x, quat, v, w, closed)
-    forces(body_, hull, plane_, mu, spring, a_, torque_, x, quat, v, w, closed, f)
+    v, w = arrive(body_, hull, ground_, e, x, quat, v, w, closed)
+    forces(body_, hull, ground_, mu, spring, a_, torque_, x, quat, v, w, closed, f)
     return PAINLEVE if np.isnan(f).any() else OK

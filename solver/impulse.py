@@ -36,8 +36,9 @@ from .algebra import (
     vec,
     vec2,
 )
+from .field import tangents
 from .flight import spin
-from .kick import close, frame_in_body, hold
+from .kick import begin, close, hold
 from .model import (
     CLOSED,
     LATE,
@@ -45,23 +46,24 @@ from .model import (
     OK,
     OPEN,
     TOUCH,
-    arm,
-    closing_speed,
-    gap,
-    height_over,
+    gap_of,
     is_finite,
     load,
+    seen,
+    speed_of,
     store,
     unpack,
 )
 from .project import clearance, lowest_open, project
 from .sweep import (
+    NORMAL,
     POINT,
+    STRIKE_SWEEPS,
+    STRIKE_TOLERANCE,
     TARGET,
     WIDTH,
     P,
     fill,
-    place,
     strike,
     velocity,
 )
@@ -81,7 +83,8 @@ TOGETHER = 5e-8
 about two others come down together, but for what `project` leaves."""
 
 MAX_STEP_TURN = 0.5
-"""rad; a step in which the body turns further is split: contacts are looked for at its ends."""
+"""rad; a step in which the body turns further is split: contacts are looked for at its ends. So is one
+in which it crosses ground that turns further."""
 
 MAX_STEP_PIECES = 10_000
 
@@ -113,7 +116,7 @@ def fly(body, gyro, a, torque, x, quat, v, w, h):
 
 
 @once
-def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h):
+def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h):
     """Half a drift, all impulses at the middle pose, half a drift.
 
     Contacts that are CLOSED hold their point on the surface if that takes a push; LATE ones keep it
@@ -124,13 +127,14 @@ def advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
     """
     half = 0.5 * h
     x, quat, w = drift(body, law[2], x, quat, v, w, half)
-    R = matrix(quat)
-    n = close(hull, frame_in_body(plane, R), contacts, rows)
+    view = seen(ground, matrix(quat), x)
+    n = close(hull, ground[4], view, contacts, rows)
     v1 = axpy(h, a, v)
     w1 = axpy(h, times(body[3], torque), w)
     if n > 0:
-        height = height_over(plane, x)
-        v1, w1 = hold(body, hull, height, R, law[0], law[2], law[3], a, v, w, v1, w1, contacts, rows, n, h)
+        v1, w1 = hold(
+            body, hull, ground[4], view, law[0], law[2], law[3], a, v, w, v1, w1, contacts, rows, n, h
+        )
     x, quat, w1 = drift(body, law[2], x, quat, v1, w1, half)
     return x, quat, v1, w1, n
 
@@ -140,25 +144,24 @@ trial = stage(advance.py_func if hasattr(advance, "py_func") else advance)
 
 
 @jit
-def came_down(hull, plane, quat, x, quat1, x1, contacts):
+def came_down(hull, ground, quat, x, quat1, x1, contacts):
     """Was the OPEN point that is deepest at the end above the surface at the start, or on it?"""
-    k, _depth = lowest_open(hull, plane, quat1, x1, contacts)
-    return gap(hull, k, to_body(matrix(quat), plane[0]), height_over(plane, x)) >= -TOUCH
+    k, _depth = lowest_open(hull, ground, quat1, x1, contacts)
+    return gap_of(hull, k, ground[4], seen(ground, matrix(quat), x)) >= -TOUCH
 
 
 @stage
-def collide(body, hull, plane, mu, e, several, slow, touch, x, quat, v, w, contacts, rows, push):
+def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
     Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
     """
     m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
-    frame = frame_in_body(plane, R)
-    height = height_over(plane, x)
+    view = seen(ground, R, x)
     arrives = False
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN and gap(hull, k, frame[0], height) <= touch:
+        if contacts[k, 0] == OPEN and gap_of(hull, k, ground[4], view) <= touch:
             arrives = True
     if not arrives:
         return v, w
@@ -168,9 +171,8 @@ def collide(body, hull, plane, mu, e, several, slow, touch, x, quat, v, w, conta
     struck = False
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] == CLOSED
-        if closed or gap(hull, k, frame[0], height) <= touch:
-            _b, q = arm(hull, k, frame[0])
-            place(rows, n, k, frame, q)
+        if closed or gap_of(hull, k, ground[4], view) <= touch:
+            begin(rows, n, hull, k, ground[4], view)
             u = fill(rows, n, inv_m, inv_J, mu, v_b, w)
             struck = struck or (not closed and u[0] < -TOUCH)
             put2(rows, n, TARGET, (0.0, 0.0, 0.0))
@@ -179,21 +181,42 @@ def collide(body, hull, plane, mu, e, several, slow, touch, x, quat, v, w, conta
                     rows[n, TARGET] = -e * u[0]
             n += 1
     if struck:
-        v_b, w = strike(rows, n, m, inv_m, J, mu, several, v_b, w)
+        v_b, w = strike(rows, n, m, inv_m, J, mu, several, v_b, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
         v = to_world(R, v_b)
     for c in range(n):
         k = int(rows[c, POINT])
         if struck:
-            add_to(push, k, in_world(plane, vec2(rows, c, P)))
+            tally(push, k, rows, c, ground, ground[4])
         if contacts[k, 0] != CLOSED and velocity(rows, c, mu, v_b, w)[0] <= max(TOUCH, slow):
             remember(contacts, k, CLOSED, NOTHING)
     return v, w
 
 
 @jit
-def in_world(plane, p):
+def in_world(axes, p):
     """A vector along (N, t1, t2) in world axes."""
-    return axpy(p[2], plane[2], axpy(p[1], plane[1], scale(p[0], plane[0])))
+    return axpy(p[2], axes[2], axpy(p[1], axes[1], scale(p[0], axes[0])))
+
+
+@jit
+def tally(push, k, rows, c, ground, field):
+    """Add row c's impulse to hull point k's."""
+    p = vec2(rows, c, P)
+    if field is None:
+        add_to(push, k, in_world(ground, p))
+    else:
+        N = vec2(rows, c, NORMAL)
+        t1, t2 = tangents(N)
+        add_to(push, k, in_world((N, t1, t2), p))
+        push[k, 3] += p[0]
+
+
+@jit
+def pushed(push, k, ground, field):
+    """The normal part of hull point k's impulses, N s."""
+    if field is None:
+        return dot(ground[0], vec2(push, k, 0))
+    return push[k, 3]
 
 
 @jit
@@ -210,7 +233,7 @@ def add_to(array, k, a):
 
 
 @jit
-def commit(rows, n, plane, contacts, push, h, whole):
+def commit(rows, n, ground, contacts, push, h, whole):
     """Keep a trial's impulses: which contacts stay closed, and the warm start.
 
     Returns:
@@ -224,7 +247,7 @@ def commit(rows, n, plane, contacts, push, h, whole):
     for c in range(n):
         k = int(rows[c, POINT])
         p = vec2(rows, c, P)
-        add_to(push, k, in_world(plane, p))
+        tally(push, k, rows, c, ground, ground[4])
         if contacts[k, 0] == CLOSED and p[0] > 0.0:
             F = vec2(contacts, k, 1)
             # what `guess` made of it: there and back might be off by a bit
@@ -256,20 +279,20 @@ def descent(g0, s0, g1, s1, h):
 
 
 @stage
-def dip(hull, plane, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
+def dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
     """When, in a step of h seconds, an OPEN point is deepest that has been below the surface in between.
 
     By the cubic through its gap and speed at both ends, of which neither is below. 0 if there is none.
     """
-    R, R1 = matrix(quat), matrix(quat1)
-    N_b, N_b1 = to_body(R, plane[0]), to_body(R1, plane[0])
+    field = ground[4]
+    view, view1 = seen(ground, matrix(quat), x), seen(ground, matrix(quat1), x1)
     deepest, when = -TOUCH, 0.0
     for k in range(hull.shape[0]):
-        s0 = h * closing_speed(hull, k, plane, R, v, w)
-        s1 = h * closing_speed(hull, k, plane, R1, v1, w1)
+        s0 = h * speed_of(hull, k, field, view, v, w)
+        s1 = h * speed_of(hull, k, field, view1, v1, w1)
         if contacts[k, 0] == OPEN and s0 < 0.0 < s1:
-            g0 = gap(hull, k, N_b, height_over(plane, x))
-            g1 = gap(hull, k, N_b1, height_over(plane, x1))
+            g0 = gap_of(hull, k, field, view)
+            g1 = gap_of(hull, k, field, view1)
             c2 = 3.0 * (g1 - g0) - 2.0 * s0 - s1
             c3 = 2.0 * (g0 - g1) + s0 + s1
             # the cubic's minimum: the only root of its slope in (0, 1)
@@ -281,7 +304,7 @@ def dip(hull, plane, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
 
 
 @stage
-def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows, h):
+def locate(body, hull, ground, law, a, torque, x, quat, v, w, end, contacts, rows, h):
     """Time of the first touch within (0, h]: Newton on the step map, in a bracket, from a cubic guess.
 
     `end` is where `advance` comes to at h, with an open point below the surface; the rest is
@@ -294,41 +317,42 @@ def locate(body, hull, plane, law, a, torque, x, quat, v, w, end, contacts, rows
     lo, hi = 0.0, h
     t = h
     x1, quat1, v1, w1, n = end
-    k, depth = lowest_open(hull, plane, quat1, x1, contacts)
-    R = matrix(quat)
-    g0 = gap(hull, k, to_body(R, plane[0]), height_over(plane, x))
-    s0 = closing_speed(hull, k, plane, R, v, w)
-    t_next = descent(g0, s0, depth, closing_speed(hull, k, plane, matrix(quat1), v1, w1), h)
+    k, depth = lowest_open(hull, ground, quat1, x1, contacts)
+    field = ground[4]
+    view = seen(ground, matrix(quat), x)
+    g0 = gap_of(hull, k, field, view)
+    s0 = speed_of(hull, k, field, view, v, w)
+    s1 = speed_of(hull, k, field, seen(ground, matrix(quat1), x1), v1, w1)
+    t_next = descent(g0, s0, depth, s1, h)
     for _ in range(MAX_LOCATE):
         if not lo < t_next < hi:
             t_next = 0.5 * (lo + hi)
             if t_next == lo or t_next == hi:
                 break
         t = t_next
-        x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, t)
-        k, depth = lowest_open(hull, plane, quat1, x1, contacts)
+        x1, quat1, v1, w1, n = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, t)
+        k, depth = lowest_open(hull, ground, quat1, x1, contacts)
         if abs(depth) <= 0.01 * TOUCH:
             break
         if depth < 0.0:
             hi = t
         else:
             lo = t
-        speed = closing_speed(hull, k, plane, matrix(quat1), v1, w1)
+        speed = speed_of(hull, k, field, seen(ground, matrix(quat1), x1), v1, w1)
         t_next = t - depth / speed if speed < 0.0 else lo
     return t, x1, quat1, v1, w1, n
 
 
 @stage
-def plastic(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h):
+def plastic(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h):
     """A step in which every open point that would end below is kept from it, newcomers added."""
     x1, quat1, v1, w1, n = x, quat, v, w, 0
     for _ in range(MAX_ROUNDS):
-        x1, quat1, v1, w1, n = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, h)
-        N_b = to_body(matrix(quat1), plane[0])
-        height = height_over(plane, x1)
+        x1, quat1, v1, w1, n = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h)
+        view = seen(ground, matrix(quat1), x1)
         added = False
         for k in range(hull.shape[0]):
-            if contacts[k, 0] == OPEN and gap(hull, k, N_b, height) < -TOUCH:
+            if contacts[k, 0] == OPEN and gap_of(hull, k, ground[4], view) < -TOUCH:
                 remember(contacts, k, LATE, NOTHING)
                 added = True
         if not added:
@@ -346,20 +370,29 @@ def reach(bound, v, w, h):
 
 
 @jit
-def sagitta(bound, a, w, w1, h):
-    """More than any hull point's path in h seconds sags below the line between its ends, m."""
+def bend(field, u):
+    """How fast the normal under a point at u turns at most (Ṅ = H ċ), rad/s for m/s."""
+    if field is None:
+        return 0.0
+    return field[5] * u
+
+
+@jit
+def sagitta(field, bound, a, v, w, v1, w1, h):
+    """More than any hull point's gap in h seconds sags below the line between its ends, m."""
     w2 = 1.6 * max(dot(w, w), dot(w1, w1))
-    return 0.125 * h * h * (sqrt(dot(a, a)) + 2.0 * bound * w2)
+    u2 = 2.0 * (max(dot(v, v), dot(v1, v1)) + bound * bound * w2)
+    return 0.125 * h * h * (sqrt(dot(a, a)) + 2.0 * bound * w2 + bend(field, u2))
 
 
 @once
-def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
+def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """One step of h seconds. `contacts` and `push` (impulses in world axes, summed) are updated.
 
     Args:
         body: (m, 1/m, J, 1/J, radius of the bounding sphere).
         hull: (p, 4) points in principal axes and their radii, m.
-        plane: (N, t1, t2, N·point).
+        ground: (N, t1, t2, d, field), as in `model`.
         law: (μ, e, gyroscopic, several); None: left out (`terms`).
         a: g + F_ext/m, m/s², world axes.
         torque: N m, body axes.
@@ -369,7 +402,7 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         w: (3,) rad/s, body axes.
         contacts: (p, MEMORY).
         rows: (p, WIDTH) scratch.
-        push: (p, 3) N s.
+        push: (p, 3) N s; over a height field (p, 4), the normal parts summed in the last.
         h: s.
         clear: no OPEN point is closer to the surface than this, m; 0 if not known. It spares looking
             at points that cannot have come down yet, and never changes the result.
@@ -379,66 +412,68 @@ def step(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
         remember has not changed. If the motion has not either, then no further step will change
         anything, and `repeat` is all that they do.
     """
-    N = plane[0]
+    N = ground[0]
     bound = body[4]
     # Too high for any contact, at the start and at the end.
-    height = height_over(plane, x)
+    height = dot(N, x) - ground[3]
     fall = h * (dot(N, v) + 0.5 * h * dot(N, a))
     if height > bound and height + fall > bound:
         for k in range(hull.shape[0]):
             contacts[k, 0] = OPEN
         x, quat, v, w = fly(body, law[2], a, torque, x, quat, v, w, h)
         return x, quat, v, w, 0.0, 0
-    return near(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear)
+    return near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear)
 
 
 @once
-def near(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
+def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """A step of `step` near enough to the ground for contacts."""
     bound = body[4]
-    slow = SLOW * abs(dot(plane[0], a)) * h
+    slow = SLOW * abs(dot(ground[0], a)) * h
     changed, n = True, 0
     rest = h
     for impact in range(MAX_IMPACTS + 1):
         if clear <= TOUCH:
             touch = TOUCH if impact == 0 else TOGETHER
             v, w = collide(
-                body, hull, plane, law[0], law[1], law[3], slow, touch, x, quat, v, w, contacts, rows, push
+                body, hull, ground, law[0], law[1], law[3], slow, touch, x, quat, v, w, contacts, rows, push
             )
-        x1, quat1, v1, w1, n = advance(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest)
+        x1, quat1, v1, w1, n = advance(
+            body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
+        )
         t = rest
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
         if clear <= TOUCH:
-            clear = clearance(hull, plane, quat1, x1, contacts)
+            clear = clearance(hull, ground, quat1, x1, contacts)
             end = rest
-            if -TOUCH <= clear < sagitta(bound, a, w, w1, rest):
-                end = dip(hull, plane, x, quat, v, w, x1, quat1, v1, w1, contacts, rest)
+            if -TOUCH <= clear < sagitta(ground[4], bound, a, v, w, v1, w1, rest):
+                end = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, rest)
                 if end > 0.0:
-                    there = trial(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, end)
-                    clear = clearance(hull, plane, there[1], there[0], contacts)
+                    there = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, end)
+                    clear = clearance(hull, ground, there[1], there[0], contacts)
                     if clear < -TOUCH:
                         x1, quat1, v1, w1, n = there
                     else:  # the cubic was wrong: take the whole step again
                         x1, quat1, v1, w1, n = trial(
-                            body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
+                            body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
                         )
                         clear = 0.0
             if clear < -TOUCH:
-                if impact < MAX_IMPACTS and came_down(hull, plane, quat, x, quat1, x1, contacts):
+                if impact < MAX_IMPACTS and came_down(hull, ground, quat, x, quat1, x1, contacts):
                     t, x1, quat1, v1, w1, n = locate(
-                        body, hull, plane, law, a, torque,
+                        body, hull, ground, law, a, torque,
                         x, quat, v, w, (x1, quat1, v1, w1, n), contacts, rows, end,
                     )  # fmt: skip
                 else:
                     x1, quat1, v1, w1, n = plastic(
-                        body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, rest
+                        body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
                     )
                 clear = 0.0
-        opened, changed = commit(rows, n, plane, contacts, push, t, h)
+        opened, changed = commit(rows, n, ground, contacts, push, t, h)
         if opened:
             clear = 0.0
         v = v1
-        x, quat, w, clear = project(body, hull, plane, x1, quat1, w1, contacts, rows, n, clear)
+        x, quat, w, clear = project(body, hull, ground, x1, quat1, w1, contacts, rows, n, clear)
         rest -= t
         if rest <= 0.0:
             break
@@ -446,21 +481,21 @@ def near(body, hull, plane, law, a, torque, x, quat, v, w, contacts, rows, push,
 
 
 @stage
-def repeat(rows, n, plane, push, times):
+def repeat(rows, n, ground, push, times):
     """The record of so many more steps like the last, after which nothing had changed (asleep)."""
     for _ in range(times):
         for c in range(n):
-            add_to(push, int(rows[c, POINT]), in_world(plane, vec2(rows, c, P)))
+            tally(push, int(rows[c, POINT]), rows, c, ground, ground[4])
 
 
 @entry
-def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place.
 
     Args:
         body: (5,) m, principal moments, radius of the bounding sphere.
         hull: (p, 4).
-        plane: (10,) N, t1, t2, N·point.
+        ground: ((10,) N, t1, t2, d; a field or None).
         law: (μ, e, gyroscopic, several), a tuple; None: left out (`terms`). Other methods: (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
@@ -474,31 +509,33 @@ def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
     Returns:
         OK, or NOT_FINITE with `state` as it was before the step that failed.
     """
-    body_, plane_ = unpack(body, plane)
+    body_, ground_ = unpack(body, ground)
     a_ = vec(a, 0)
     torque_ = vec(torque, 0)
     scratch = np.zeros((hull.shape[0], WIDTH))
-    pushes = np.zeros((hull.shape[0], 3))
+    pushes = np.zeros((hull.shape[0], 4))
     rows, push = borrowed(scratch), borrowed(pushes)
     points, memory = borrowed(hull), borrowed(contacts)
     x, quat, v, w = load(state)
     f[:] = 0.0
     clear = 0.0
     for done in range(n):
-        pieces = 1 + int(min(h * sqrt(dot(w, w)) / MAX_STEP_TURN, MAX_STEP_PIECES))
+        turn = h * (sqrt(dot(w, w)) + bend(ground_[4], sqrt(dot(v, v))))
+        pieces = 1 + int(min(turn / MAX_STEP_TURN, MAX_STEP_PIECES))
         still = 0
         for _piece in range(pieces):
             x, quat, v, w, clear, still = step(
-                body_, points, plane_, law, a_, torque_, x, quat, v, w, memory, rows, push, h / pieces, clear
-            )
+                body_, points, ground_, law, a_, torque_,
+                x, quat, v, w, memory, rows, push, h / pieces, clear,
+            )  # fmt: skip
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         asleep = still > 0 and pieces == 1 and (x, quat, v, w) == load(state)
         store(state, x, quat, v, w)
         if asleep:
-            repeat(rows, still, plane_, push, n - 1 - done)
+            repeat(rows, still, ground_, push, n - 1 - done)
             break
     for k in range(hull.shape[0]):
         if n > 0:
-            f[k] = dot(plane_[0], vec2(pushes, k, 0)) / (n * h)
+            f[k] = pushed(pushes, k, ground_, ground_[4]) / (n * h)
     return OK

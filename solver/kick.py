@@ -10,13 +10,16 @@ Vectors are in body axes, where every contact's arm and matrices are constant.
 
 from math import sqrt
 
-from .algebra import add, axpy, cross, dot, jit, put2, scale, to_body, to_world, vec2
+from .algebra import add, axpy, cross, dot, jit, put2, put6, scale, six2, to_body, to_world, vec2
 from .contact import centripetal, gyroscopic
-from .model import CLOSED, OPEN, arm, gap
+from .field import tangents, times_symmetric
+from .model import CLOSED, OPEN, arm, gap_of, meet
 from .stick import stick
 from .sweep import (
     AIM,
     AXES,
+    BEND,
+    NORMAL,
     POINT,
     STRIKE_SWEEPS,
     TARGET,
@@ -67,13 +70,28 @@ def frame_in_body(plane, R):
 
 
 @jit
-def close(hull, frame, contacts, rows):
+def begin(rows, c, hull, k, field, view):
+    """Begin row c for hull point k."""
+    R, _x, frame, _height = view
+    _phi, N_b, H = meet(hull, k, field, view)
+    _b, q = arm(hull, k, N_b)
+    if field is None:
+        place(rows, c, k, frame, q)
+    else:
+        N = to_world(R, N_b)
+        t1, t2 = tangents(N)
+        place(rows, c, k, (N_b, to_body(R, t1), to_body(R, t2)), q)
+        put2(rows, c, NORMAL, N)
+        put6(rows, c, BEND, H)
+
+
+@jit
+def close(hull, field, view, contacts, rows):
     """Begin a row for each contact that is not OPEN. Returns how many."""
     n = 0
     for k in range(hull.shape[0]):
         if contacts[k, 0] != OPEN:
-            _b, q = arm(hull, k, frame[0])
-            place(rows, n, k, frame, q)
+            begin(rows, n, hull, k, field, view)
             n += 1
     return n
 
@@ -101,7 +119,22 @@ def guess(mu, contacts, rows, n, h):
 
 
 @jit
-def aim(J, inv_J, gyro, hull, height, v, w, contacts, rows, n, h):
+def turning(rows, c, field, R, b, rho, v, w, u_dot):
+    """How a contact point's velocity u changes, given how it would if N did not turn, m/s².
+
+    Over curved ground Ṅ = H ċ, with ċ the hull point's velocity, and q = b − ρN turns with it: that adds
+    −ρ w × Ṅ. The rate of N·u has Ṅ·u beside N·u̇; in all, along N, it is Eq. 5's ċᵀHċ that is added.
+    """
+    if field is None:
+        return u_dot
+    N_dot = to_body(R, times_symmetric(six2(rows, c, BEND), to_world(R, add(v, cross(w, b)))))
+    u = add(v, cross(w, vec2(rows, c, Q)))
+    u_dot = axpy(dot(N_dot, u), vec2(rows, c, AXES), u_dot)
+    return axpy(-rho, cross(w, N_dot), u_dot)
+
+
+@jit
+def aim(J, inv_J, gyro, hull, field, view, v, w, contacts, rows, n, h):
     """What to aim at: Eq. 5's c at velocity level, u = −(h/2) c, with the spin that is expected.
 
     Without it, sustained contact is of first order. A LATE point, still above the surface, may come
@@ -117,10 +150,12 @@ def aim(J, inv_J, gyro, hull, height, v, w, contacts, rows, n, h):
         k = int(rows[c, POINT])
         q = vec2(rows, c, Q)
         if contacts[k, 0] == CLOSED:
-            u = scale(-half, centripetal(w, w_dot, vec2(hull, k, 0), q))
+            b = vec2(hull, k, 0)
+            u_dot = centripetal(w, w_dot, b, q)
+            u = scale(-half, turning(rows, c, field, view[0], b, hull[k, 3], v, w, u_dot))
         else:
             N = vec2(rows, c, AXES)
-            u = scale(-max(0.0, gap(hull, k, N, height)) / half, N)
+            u = scale(-max(0.0, gap_of(hull, k, field, view)) / half, N)
         put2(rows, c, AIM, u)
         r = axpy(-1.0, u, add(v, cross(w, q)))
         worst = max(worst, abs(r[0]), abs(r[1]), abs(r[2]))
@@ -145,14 +180,14 @@ def work(rows, n, v, w):
 
 
 @jit
-def hold(body, hull, height, R, mu, gyro, several, a, v_before, w_before, v, w, contacts, rows, n, h):
+def hold(body, hull, field, view, mu, gyro, several, a, v_before, w_before, v, w, contacts, rows, n, h):
     """The velocities after the impulses of n contacts.
 
     Args:
         body: as in `step`.
         hull: as in `step`.
-        height: of the centre of mass above the plane, m.
-        R: attitude at the middle.
+        field: as in `step`'s ground.
+        view: of the ground from the middle pose.
         mu: as in `step`'s law, and so are
         gyro: this
         several: and this.
@@ -171,10 +206,11 @@ def hold(body, hull, height, R, mu, gyro, several, a, v_before, w_before, v, w, 
         (v, w).
     """
     m, inv_m, J, inv_J, _bound = body
+    R = view[0]
     v_b = to_body(R, v)
     F, T, push, slide = guess(mu, contacts, rows, n, h)
     v1, w1 = spread(inv_m, inv_J, F, T, v_b, w)
-    far = aim(J, inv_J, gyro, hull, height, v1, w1, contacts, rows, n, h)
+    far = aim(J, inv_J, gyro, hull, field, view, v1, w1, contacts, rows, n, h)
     if push and not slide and far < STILL:
         # At rest nothing changes at all: residuals that add up would have to be undone in the end.
         v1 = to_world(R, v1)

@@ -1,12 +1,18 @@
 """What every method's kernel shares: the scene as tuples, the gap, and the contacts' memory.
 
 A kernel sees the body as (m, 1/m, J, 1/J, radius of the bounding sphere), with J in principal axes;
-the hull as a (p, 4) array of points in those axes and their radii; the ground as (N, t1, t2, d), a
-plane N·r = d with its tangents; and the motion as x, quat, v in world and w in principal axes.
+the hull as a (p, 4) array of points in those axes and their radii; the ground as (N, t1, t2, d, field);
+and the motion as x, quat, v in world and w in principal axes.
+
+The ground is the plane N·r = d with its tangents where `field` is None. Else it is a height field, and
+the plane the lowest level one that nothing of it is above. Which of them is a matter of *type*, decided
+when a kernel is compiled: a plane's has no trace of the other. It is decided in functions that have
+`field` as an argument, as only there numba does not even look at the branch that is out.
 """
 
-from .algebra import axpy, dot, jit, put, put_quat, to_body, vec, vec2
+from .algebra import axpy, cross, dot, jit, put, put_quat, to_body, to_world, vec, vec2
 from .contact import normal_speed
+from .field import foot, lent, times_symmetric
 
 TOUCH = 1e-9
 """m: a hull point this close to the surface touches it. m/s: slower than this counts as still."""
@@ -16,18 +22,22 @@ TOUCH = 1e-9
 MEMORY = 4
 OPEN, CLOSED, LATE = 0.0, 1.0, 2.0
 
+FLAT = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
+"""A plane's H, 1/m."""
+
 # Flags that kernels return.
-OK, NOT_FINITE, PAINLEVE = 0, 1, 2
+OK, NOT_FINITE, PAINLEVE, STUCK = 0, 1, 2, 3
 
 
 @jit
-def unpack(body, plane):
-    """The kernels' tuples from flat arrays (m, J, bound) and (N, t1, t2, d)."""
+def unpack(body, ground):
+    """The kernels' tuples from the flat (m, J, bound), and from a flat (N, t1, t2, d) with a field."""
     J = vec(body, 1)
+    plane, field = ground
     inv_J = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
     return (
         (body[0], 1.0 / body[0], J, inv_J, body[4]),
-        (vec(plane, 0), vec(plane, 3), vec(plane, 6), plane[9]),
+        (vec(plane, 0), vec(plane, 3), vec(plane, 6), plane[9], lent(field)),
     )
 
 
@@ -78,6 +88,54 @@ def closing_speed(hull, k, plane, R, v, w):
     N_b = to_body(R, plane[0])
     _b, q = arm(hull, k, N_b)
     return normal_speed(N_b, q, to_body(R, v), w)
+
+
+@jit
+def seen(ground, R, x):
+    """The ground from a pose: R, x, the plane's (N, t1, t2) in body axes, and the height of x over it."""
+    frame = (to_body(R, ground[0]), to_body(R, ground[1]), to_body(R, ground[2]))
+    return R, x, frame, height_over(ground, x)
+
+
+@jit
+def meet(hull, k, field, view):
+    """(φ, N, H) of hull point k: its gap, the normal in body axes, the Hessian of φ in world axes."""
+    R, x, frame, height = view
+    if field is None:
+        return gap(hull, k, frame[0], height), frame[0], FLAT
+    phi, N, H = foot(field, axpy(1.0, x, to_world(R, vec2(hull, k, 0))))
+    return phi - hull[k, 3], to_body(R, N), H
+
+
+@jit
+def gap_of(hull, k, field, view):
+    """φ of hull point k, m."""
+    return meet(hull, k, field, view)[0]
+
+
+@jit
+def speed_of(hull, k, field, view, v, w):
+    """Eq. 8's v of hull point k, m/s; v in world axes."""
+    _phi, N, _H = meet(hull, k, field, view)
+    _b, q = arm(hull, k, N)
+    return normal_speed(N, q, to_body(view[0], v), w)
+
+
+@jit
+def upward(ground, field, R, N):
+    """N in world axes."""
+    if field is None:
+        return ground[0]
+    return to_world(R, N)
+
+
+@jit
+def bending(field, H, R, b, v, w):
+    """ċᵀ H ċ of a hull point at b: how the ground bends away under it (Eq. 5's c), m/s². v in body axes."""
+    if field is None:
+        return 0.0
+    u = to_world(R, axpy(1.0, v, cross(w, b)))
+    return dot(u, times_symmetric(H, u))
 
 
 @jit

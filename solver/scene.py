@@ -8,13 +8,17 @@ from . import acceleration, terms
 from .body import Body
 from .errors import finite, number
 from .rotation import from_matrix, product, to_matrix
-from .surface import Plane
+from .surface import HeightField, Plane
 
 UNIT_TOLERANCE = 1e-6
 """How far a quaternion's norm may be from 1; it is then normalised."""
 
 DEEPEST_START = 0.05
 """Of the hull's bounding radius: a start deeper in the ground is refused."""
+
+ROUNDEST = 0.8
+"""Of the least radius of curvature of a height field's hollows: a hull radius beyond is refused. One that
+just fits a hollow touches it everywhere at once."""
 
 
 @dataclass(frozen=True)
@@ -99,7 +103,7 @@ class Scene:
 
     Args:
         body: the body.
-        surface: the ground; a level plane through the origin unless given.
+        surface: the ground, `Plane` or `HeightField`; a level plane through the origin unless given.
         gravity: (3,) m/s².
         friction: Coulomb's μ, >= 0.
         restitution: e, in [0, 1].
@@ -112,8 +116,13 @@ class Scene:
         if not isinstance(body, Body):
             raise ValueError(f"body must be a Body, got {body!r}")
         surface = Plane() if surface is None else surface
-        if not isinstance(surface, Plane):
-            raise ValueError(f"surface must be a Plane, got {surface!r}")
+        if not isinstance(surface, Plane | HeightField):
+            raise ValueError(f"surface must be a Plane or a HeightField, got {surface!r}")
+        if isinstance(surface, HeightField) and body.radius.max() * surface.valley > ROUNDEST:
+            raise ValueError(
+                f"body's radius must be <= {ROUNDEST / surface.valley:.4g} m on this surface, whose hollows "
+                f"have radii of curvature down to {1.0 / surface.valley:.4g} m, got {body.radius.max():g}"
+            )
         self.body = body
         self.surface = surface
         self.gravity = finite("gravity", gravity, (3,))
@@ -123,10 +132,10 @@ class Scene:
         self.parameters = (
             np.array([body.m, *body.principal_J, body.bounding_radius]),
             np.ascontiguousarray(hull),
-            surface.parameters,
+            (surface.parameters, surface.field),
             np.array([self.friction, self.restitution]),
         )
-        """The scene as the kernels' first arguments: body, hull, plane, law."""
+        """The scene as the kernels' first arguments: body, hull, ground, law."""
         self.law = terms.needed(body, self.friction, self.restitution)
         """The terms that "impulse" is compiled for; set to `terms.full`, it has them all."""
 
@@ -171,7 +180,7 @@ class Scene:
         The cost of a term is what leaving it out saves, ns a step (`terms.COST`). The last line tells if
         Painlevé's paradox can occur, and from which friction on.
         """
-        return terms.explain(self.body, self.friction, self.law)
+        return terms.explain(self.body, self.friction, self.law, self.surface.field)
 
     def __repr__(self):
         return (

@@ -7,8 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from . import acceleration, baumgarte, impulse
+from .exact import run as exact
 from .errors import SolverError, finite, number, one_of
-from .model import MEMORY, NOT_FINITE, PAINLEVE, TOUCH
+from .model import MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
 METHODS = {
@@ -18,19 +19,25 @@ METHODS = {
     "the step short against the spring, and an overlap throws the body out",
     "impulse": "time stepping with impulses, second order: the single contact solve swept over the "
     "closed contacts, friction and restitution",
+    "exact": "event driven: closed-form flight, certified time of impact, energetic frictional impact, "
+    "sustained contact of high order with located transitions; dt is the recording interval",
 }
 """Name of each method: what it is."""
 
-_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run}
+_KERNELS = {"acceleration": acceleration.run, "baumgarte": baumgarte.run, "impulse": impulse.run, "exact": exact.run}
 _OPTIONS: dict[str, dict[str, bool | float]] = {
     "acceleration": {"every_frame": False},
     "baumgarte": {"alpha": baumgarte.ALPHA, "beta": baumgarte.BETA},
     "impulse": {},
+    "exact": {"tol": exact.TOL},
 }
+_EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
+    STUCK: "events follow one another without end; another method may pass them",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
 }
+MAX_LIFTS = 60
 WHOLE_STEP = 1e-6
 """duration/dt this close to a whole number counts as one."""
 
@@ -106,6 +113,8 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
+    if method == "exact" and scene.surface.field is not None:
+        raise ValueError(f"method 'exact' takes a Plane only, got {scene.surface!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:
@@ -113,7 +122,7 @@ def simulate(
     flags = _options(method, options)
     force_at = _schedule("force", force)
     torque_at = _schedule("torque", torque)
-    _refuse_deep(scene, state)
+    _refuse_deep(scene, state, exactly=method == "exact")
 
     steps = duration / dt
     whole = round(steps) if abs(steps - round(steps)) <= WHOLE_STEP else int(steps)
@@ -123,12 +132,11 @@ def simulate(
 
     body, points = scene.body, len(scene.body.hull)
     rows = to_kernel(body, state)
-    memory = np.zeros((len(rows), points, MEMORY))
+    memory = np.zeros((len(rows), points + _EXTRA.get(method, 0), MEMORY))
     times = [0.0]
     history = [rows.copy()]
     forces = [np.zeros((len(rows), points))]
-    depth = np.minimum(0.0, scene.gap(state).min(axis=-1)).reshape(-1, 1)
-    rows[:, :3] -= np.where(depth < -TOUCH, depth, 0.0) * scene.surface.normal
+    _lift(scene, state, rows)
 
     def run_all(n, h, t, f):
         a = scene.gravity + force_at(times[-1]) / body.m
@@ -203,11 +211,20 @@ def _options(method: str, options: dict | None) -> np.ndarray:
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)
 
 
-def _refuse_deep(scene: Scene, state: State) -> None:
-    limit = -DEEPEST_START * scene.body.bounding_radius
+def _lift(scene: Scene, state: State, rows: np.ndarray) -> None:
+    """Raise the rows that overlap the ground. Over a height field a lift leaves at most half the depth."""
+    for _ in range(MAX_LIFTS):
+        x = rows[:, :3].reshape(state.x.shape)
+        depth = scene.gap(State(x, state.quat, state.v, state.w)).min(axis=-1).reshape(-1, 1)
+        if (depth >= -TOUCH).all():
+            break
+        rows[:, :3] -= np.where(depth < -TOUCH, depth, 0.0) * scene.surface.parameters[:3]
+
+
+def _refuse_deep(scene: Scene, state: State, exactly: bool) -> None:
+    """A start too deep in the ground; "exact" takes none that is below it at all."""
+    limit = -TOUCH if exactly else -DEEPEST_START * scene.body.bounding_radius
+    allowed = "" if exactly else f" ({DEEPEST_START:.0%} of the hull's bounding radius)"
     deepest = scene.gap(state).min()
     if deepest < limit:
-        raise ValueError(
-            f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed "
-            f"({DEEPEST_START:.0%} of the hull's bounding radius)"
-        )
+        raise ValueError(f"state is {-deepest:.4g} m deep in the ground; at most {-limit:.4g} m is allowed{allowed}")

@@ -39,10 +39,14 @@ INV_K = np.intp(43)
 TARGET = np.intp(49)  # AIM along N, t1, t2
 SLIP = np.intp(52)  # tangential velocity before the impulse, m/s
 STEP = np.intp(54)  # what the last sweep changed of P, N s
-WIDTH = 57
+# What only a height field needs:
+NORMAL = np.intp(57)  # N in world axes
+WIDTH = 60
 # What `project.shove` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
 RISE = np.intp(19)
 ROLL = np.intp(20)
+# And `kick.begin`, over a height field, until `fill`: H in world axes.
+BEND = np.intp(19)
 
 EXTRAPOLATE = 0.9
 """Sweeps that shrink by less than this factor are not extrapolated."""
@@ -272,20 +276,18 @@ def no_gain(m, J, before, v0, w0, v1, w1):
 
 
 @stage
-def strike(rows, n, m, inv_m, J, mu, several, v, w):
+def strike(rows, n, m, inv_m, J, mu, several, v, w, sweeps, tolerance):
     """All rows are struck at once: Newton's restitution and Coulomb friction, without energy gain.
 
     The targets (−e times the velocity before, for every contact at once, so restitution does not
     stack) may ask for more than the blow can pay for: Newton's law with friction can gain energy.
     Then the plastic impulse with friction along the slip after, which provably loses, is blended in,
-    as little as brings the energy back to what it was.
+    as little as brings the energy back to what it was. The last two arguments are those of `agree`.
     """
     before = kinetic_energy(m, J, v, w)
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
-    v1, w1, _change = agree_later(
-        rows, n, inv_m, mu, several, 1.0, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE
-    )
+    v1, w1, _change = agree_later(rows, n, inv_m, mu, several, 1.0, 0.0, v, w, sweeps, tolerance)
     if kinetic_energy(m, J, v1, w1) <= before:
         return v1, w1
 
@@ -293,9 +295,7 @@ def strike(rows, n, m, inv_m, J, mu, several, v, w):
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
         put2(rows, k, TARGET, (0.0, 0.0, 0.0))
-    v0, w0, _change = agree_later(
-        rows, n, inv_m, mu, several, 0.0, 0.0, v, w, STRIKE_SWEEPS, STRIKE_TOLERANCE
-    )
+    v0, w0, _change = agree_later(rows, n, inv_m, mu, several, 0.0, 0.0, v, w, sweeps, tolerance)
     # Sweeps cut short may leave a gain: then stop on the way from no impulse at all.
     s, v0, w0 = no_gain(m, J, before, v, w, v0, w0)
     for k in range(n):

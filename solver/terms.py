@@ -49,13 +49,14 @@ two shared cores of a virtual x86-64 machine. Less than 10 there cannot be told 
 takes 80 to 100."""
 
 
-def explain(body: Body, friction: float, law: Law) -> str:
+def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
     """A table of a scene's terms, and whether Painlevé's paradox can occur in it.
 
     Args:
         body: of the scene.
         friction: its μ.
         law: what its kernel is compiled for.
+        field: of its surface; None for a plane.
     """
     mu, e, gyro, several = law
     J = ", ".join(f"{moment:.4g}" for moment in body.principal_J)
@@ -66,7 +67,7 @@ def explain(body: Body, friction: float, law: Law) -> str:
         ("restitution", e, f"e = {e or 0.0:g}"),
         ("gyroscopic", gyro, f"J = ({J}) kg m²: w × J w " + ("= 0" if whole else "≠ 0")),
         ("sweep", several, f"{points} hull points" if points > 1 else "one hull point: one solve is exact"),
-        ("curvature", None, "the ground is a plane: H = 0"),
+        ("curvature", field, f"H up to {field[5]:.3g} 1/m" if field else "the ground is a plane: H = 0"),
         ("contact work", True, f"out while the centre of mass is above {body.bounding_radius:.4g} m"),
         ("steps at rest", True, "out after a step that changes no bit, for the rest of the call"),
     ]

@@ -203,7 +203,7 @@ def kernel(body):
 def touch(body, hull, start, a, x, v, t_max):
     """(t, k, evaluations), with floats only: each other type would compile another kernel."""
     a, x, v = (tuple(map(float, u)) for u in (a, x, v))
-    return march(body, hull, GROUND, start, a, x, v, t_max)
+    return march(body, hull, GROUND, start, a, x, v, 0.0, t_max)
 
 
 def gaps(hull, pose):
@@ -241,7 +241,7 @@ def test_first_touch_agrees_with_a_dense_scan(speed, spin, span):
         after = gaps(hull, fly(body, start, DOWN, x, v, t + 1e-7))
         assert after[k] < 0
     assert touches >= 3
-    assert first_touch(body, hull, GROUND, start, DOWN, x, v, span) == (t, k)
+    assert first_touch(body, hull, GROUND, start, DOWN, x, v, 0.0, span) == (t, k)
 
 
 def test_a_rod_that_spins_at_1000_rad_per_second_touches_only_if_it_reaches():

@@ -86,14 +86,14 @@ def test_a_body_asleep_has_the_bits_of_one_that_is_stepped():
     state = State([0.3, 0.2, 0.21], UPRIGHT, [0.1, 0, 0], [0.1, 0.2, 0.3])
     settled = simulate(scene, state, 5.0, record_every=1200).state
     row = to_kernel(scene.body, settled)[0]
-    body, hull, plane, _law = scene.parameters
+    body, hull, ground, _law = scene.parameters
     a, torque, h, n = scene.gravity, np.zeros(3), 1 / 240, 1000
 
     asleep, memory, f = row.copy(), np.zeros((8, MEMORY)), np.zeros(8)
-    assert impulse.run(body, hull, plane, scene.law, a, torque, asleep, memory, f, np.zeros(1), h, n) == 0
+    assert impulse.run(body, hull, ground, scene.law, a, torque, asleep, memory, f, np.zeros(1), h, n) == 0
 
     contacts, rows, push = np.zeros((8, MEMORY)), np.zeros((8, WIDTH)), np.zeros((8, 3))
-    what = unpack(body, plane)
+    what = unpack(body, ground)
     x, quat, v, w = load(row)
     clear, unchanged = 0.0, 0
     for _ in range(n):

@@ -42,7 +42,7 @@ class Rows:
     """
 
     def __init__(self, scene: Scene, state: State, points: list[int] | range):
-        body, N, w = scene.body, scene.surface.normal, state.w
+        body, N, w = scene.body, scene.surface.parameters[:3], state.w
         R = to_matrix(state.quat)
         inv_J = R @ np.linalg.inv(body.J) @ R.T
         b = body.hull[list(points)] @ R.T
@@ -194,7 +194,7 @@ def switching(scene: Scene, state: State, h: float) -> tuple[State, np.ndarray]:
         f[closed] = one_at_a_time(rows.W @ rows.inv_M @ rows.W.T, rows.l + rows.v / h)
     state = fly(state, *rows.velocities(state, h, f[closed]), h)
     lift = max(0.0, -scene.gap(state).min())
-    return State(state.x + lift * scene.surface.normal, state.quat, state.v, state.w), f
+    return State(state.x + lift * scene.surface.parameters[:3], state.quat, state.v, state.w), f
 
 
 # --------------------------------------------------------------------------------- friction and impact

@@ -28,9 +28,9 @@ def start(height: float, v: tuple, w: tuple) -> State:
 
 
 @entry
-def awake(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+def awake(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """`impulse.run` for a body at rest, without falling asleep."""
-    what = unpack(body, plane)
+    what = unpack(body, ground)
     x, quat, v, w = load(state)
     rows, push = np.zeros((hull.shape[0], WIDTH)), np.zeros((hull.shape[0], 3))
     clear = 0.0
@@ -44,14 +44,14 @@ def awake(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
 
 def timed(scene: Scene, state: State, law: Law, bound: float | None = None, kernel: Callable = run) -> float:
     """ns a step; `bound` replaces the radius of the bounding sphere."""
-    body, hull, plane, _law = scene.parameters
+    body, hull, ground, _law = scene.parameters
     body = body.copy()
     body[4] = body[4] if bound is None else bound
     row = to_kernel(scene.body, state)[0]
     memory, f = np.zeros((len(hull), MEMORY)), np.zeros(len(hull))
     none = np.zeros(1)
     before = perf_counter()
-    kernel(body, hull, plane, law, scene.gravity, np.zeros(3), row, memory, f, none, H, STEPS)
+    kernel(body, hull, ground, law, scene.gravity, np.zeros(3), row, memory, f, none, H, STEPS)
     return 1e9 * (perf_counter() - before) / STEPS
 
 

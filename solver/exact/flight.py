@@ -46,8 +46,8 @@ def fly(body, anchor, a, x, v, t):
 
 
 @stage
-def first_touch(body, hull, plane, anchor, a, x, v, t_max):
-    """The first time in [0, t_max] at which a hull point's gap comes down through zero, and which.
+def first_touch(body, hull, plane, anchor, a, x, v, t_min, t_max):
+    """The first time in [t_min, t_max] at which a hull point's gap comes down through zero, and which.
 
     At t = 0 a point within TOUCH (1e-9 m) of the surface, or below it, counts if it closes: faster
     than TOUCH (m/s), or, slower than that either way, with z'' < 0. One that leaves, or is at rest and
@@ -64,24 +64,25 @@ def first_touch(body, hull, plane, anchor, a, x, v, t_max):
         a: acceleration of the centre of mass, m/s².
         x: centre of mass at the start, m.
         v: its velocity at the start, m/s.
+        t_min: s; 0, or a later time up to which nothing touches.
         t_max: s, finite.
 
     Returns:
         (t, k): s, and the row of the hull; of several points the lowest. (t_max, -1) if none touches,
         or if something is not a number.
     """
-    t, k, _evaluations = march(body, hull, plane, anchor, a, x, v, t_max)
+    t, k, _evaluations = march(body, hull, plane, anchor, a, x, v, t_min, t_max)
     return t, k
 
 
 @stage
-def march(body, hull, plane, anchor, a, x, v, t_max):
+def march(body, hull, plane, anchor, a, x, v, t_min, t_max):
     """`first_touch`, and the number of poses that it took."""
     N = plane[0]
     aN, vN, height = dot(a, N), dot(v, N), height_over(plane, x)
     spin2 = anchor[4][2] * (1.0 + 1e-6)  # for the slack in J1 + J2 >= J3, and rounding
     spin3 = spin2 * sqrt(spin2)
-    t, evaluations = 0.0, 0
+    t, evaluations = t_min, 0
     while True:
         h, h_dot = height + t * (vN + 0.5 * t * aN), vN + t * aN
         free = 0.0

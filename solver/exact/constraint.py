@@ -1,0 +1,266 @@
+"""Sustained contact: the forces that keep closed points on the surface, and the motion they leave.
+
+A closed point slides: it does not accelerate along N, and friction is μ times the normal force, against
+its slip (Eq. 11; without friction these are Eqs. 6 and 7). Or it sticks, or rolls: it does not accelerate
+at all. With A the rows of what must not accelerate, and V those of what each force does, friction included,
+
+    (A Vᵀ) λ = −l,    l = A a_free + c                                     (6, for several contacts)
+
+Where the forces are not unique, the λ of least norm are taken; for points that stick, or slide without
+friction, the motion does not depend on that.
+
+What the constraints keep is put back after every step: gaps, the places of sharp points that stick, and
+velocities, each by the smallest correction in the sense of kinetic energy, M⁻¹ Aᵀ.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from ..algebra import add, axpy, dot, jit, matrix, put, put2, put_quat, scale, stage, times, to_body, to_world, vec, vec2
+from ..contact import centripetal, gyroscopic
+from ..flight import turn
+from ..kick import frame_in_body
+from ..model import arm, gap, height_over, load
+from ..sweep import ARM, AXES, POINT, SLIP, STEP, TARGET, TURN, WIDTH, P, Q, fill, place
+from .least_norm import least_norm
+
+# What is remembered of each hull point: how it touches, and two numbers along t1 and t2. Of a sharp
+# point that sticks they are the place where, m; of one that slides, the last direction of slip.
+FREE, SLIDES, STICKS = 0.0, 1.0, 2.0
+
+STILL = 1e-12
+"""m/s: slower than this a contact does not move, along the normal or across it."""
+
+# What the equations are about.
+FORCE, POSE, MOTION = 0, 1, 2
+
+MAX_POSE = 4
+FINEST_GAP = 1e-16
+"""m, and of the distance from the origin: nearer than that nothing can be put."""
+
+SPEED, RATE = TARGET, STEP
+"""Columns of a row, used here for N·u, m/s, and for the rate of the slip speed, m/s²."""
+
+
+@stage
+def workspace(points):
+    """Room for `rates` and what follows from it: (rows, A, V, B, Q, r, λ)."""
+    n = 3 * points
+    return (
+        np.zeros((points, WIDTH)), np.zeros((n, 6)), np.zeros((n, 6)), np.zeros((n, n)),
+        np.zeros((n, n)), np.zeros(n), np.zeros(n),
+    )  # fmt: skip
+
+
+@stage
+def closed_rows(body, hull, plane, mu, y, contacts, rows):
+    """A row for each contact that is not FREE, in body axes, with its velocity. Returns how many."""
+    x, quat, v, w = load(y)
+    R = matrix(quat)
+    frame = frame_in_body(plane, R)
+    v_b = to_body(R, v)
+    n = 0
+    for k in range(hull.shape[0]):
+        if contacts[k, 0] != FREE:
+            _b, q = arm(hull, k, frame[0])
+            place(rows, n, k, frame, q)
+            u = fill(rows, n, body[1], body[3], mu, v_b, w)
+            rows[n, SPEED] = u[0]
+            n += 1
+    return n
+
+
+@jit
+def direction(rows, c, contacts):
+    """Of contact c's slip: what it is, or, as long as that is nothing, what it was or will be."""
+    s1, s2 = rows[c, SLIP], rows[c, SLIP + 1]
+    speed = sqrt(s1 * s1 + s2 * s2)
+    if speed > STILL:
+        return s1 / speed, s2 / speed
+    k = int(rows[c, POINT])
+    return contacts[k, 1], contacts[k, 2]
+
+
+@jit
+def equations_of(hull, contacts, k, about):
+    """How many a contact has: 3 if it sticks, but a round point that rolls has no place to keep."""
+    return 3 if contacts[k, 0] == STICKS and (about != POSE or hull[k, 3] == 0.0) else 1
+
+
+@stage
+def equations(hull, contacts, mu, inv_m, rows, n, about, A, V):
+    """Fill A and V. Returns the number of equations."""
+    m = 0
+    for c in range(n):
+        k = int(rows[c, POINT])
+        for j in range(equations_of(hull, contacts, k, about)):
+            for i in range(3):
+                A[m, i] = rows[c, AXES + 3 * j + i]
+                A[m, 3 + i] = rows[c, ARM + 3 * j + i]
+                V[m, i] = inv_m * A[m, i]
+                V[m, 3 + i] = rows[c, TURN + 3 * j + i]
+            m += 1
+        if about == FORCE and mu > 0.0 and contacts[k, 0] == SLIDES:
+            s1, s2 = direction(rows, c, contacts)
+            for i in range(3):
+                V[m - 1, i] -= mu * inv_m * (s1 * rows[c, AXES + 3 + i] + s2 * rows[c, AXES + 6 + i])
+                V[m - 1, 3 + i] -= mu * (s1 * rows[c, TURN + 3 + i] + s2 * rows[c, TURN + 6 + i])
+    return m
+
+
+@stage
+def answer(m, space):
+    """λ of (A Vᵀ) λ = r, and what it changes: (of ẋ or ẍ, of w or ẇ), body axes."""
+    _rows, A, V, B, Q_, r, lam = space
+    for i in range(m):
+        for j in range(m):
+            total = 0.0
+            for k in range(6):
+                total += A[i, k] * V[j, k]
+            B[i, j] = total
+    least_norm(B, m, r, Q_, lam)
+    dv, dw = (0.0, 0.0, 0.0), (0.0, 0.0, 0.0)
+    for i in range(m):
+        dv = axpy(lam[i], vec2(V, i, 0), dv)
+        dw = axpy(lam[i], vec2(V, i, 3), dw)
+    return dv, dw
+
+
+@stage
+def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
+    """(ẍ, ẇ), body axes, with the forces of n closed contacts, which are left in their rows' P.
+
+    Returns:
+        (x_ddot, w_dot, solvable): not solvable where a lone point slides as in Painlevé's paradox.
+    """
+    _m, inv_m, J, inv_J, _bound = body
+    rows, A, V, _B, _Q, r, lam = space
+    w_dot = axpy(1.0, times(inv_J, torque), gyroscopic(J, inv_J, w))
+    if n == 0:
+        return a_b, w_dot, True
+    count = equations(hull, contacts, mu, inv_m, rows, n, FORCE, A, V)
+    i = 0
+    for c in range(n):
+        k = int(rows[c, POINT])
+        l = add(a_b, centripetal(w, w_dot, vec2(hull, k, 0), vec2(rows, c, Q)))
+        for _ in range(equations_of(hull, contacts, k, FORCE)):
+            r[i] = -dot(vec2(A, i, 0), l)
+            i += 1
+    dv, dw = answer(count, space)
+    x_ddot, w_ddot = add(a_b, dv), add(w_dot, dw)
+
+    i = 0
+    for c in range(n):
+        k = int(rows[c, POINT])
+        if contacts[k, 0] == STICKS:
+            put2(rows, c, P, (lam[i], lam[i + 1], lam[i + 2]))
+            i += 3
+            continue
+        s1, s2 = direction(rows, c, contacts)
+        put2(rows, c, P, (lam[i], -mu * lam[i] * s1, -mu * lam[i] * s2))
+        i += 1
+        if mu > 0.0:
+            u_dot = add(x_ddot, centripetal(w, w_ddot, vec2(hull, k, 0), vec2(rows, c, Q)))
+            rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(vec2(rows, c, AXES + 6), u_dot)
+    solvable = True
+    if count == 1:
+        k = 0.0
+        for i in range(6):
+            k += A[0, i] * V[0, i]
+        solvable = k > 0.0
+    return x_ddot, w_ddot, solvable
+
+
+@stage
+def rates(body, hull, plane, mu, a, torque, y, contacts, space, dy):
+    """dy/dt of y = (x, quat, v, w, p): the motion, and the hull points' normal impulses.
+
+    Returns:
+        (margin, how many contacts): the least of what must stay positive, N, pushing forces and what
+        friction has left; −inf where there is no answer.
+    """
+    x, quat, v, w = load(y)
+    rows = space[0]
+    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    R = matrix(quat)
+    x_ddot, w_dot, solvable = accelerations(body, hull, mu, to_body(R, a), torque, w, contacts, n, space)
+    put(dy, 0, v)
+    qw, qx, qy, qz = quat
+    dy[3] = -0.5 * (qx * w[0] + qy * w[1] + qz * w[2])
+    dy[4] = 0.5 * (qw * w[0] + qy * w[2] - qz * w[1])
+    dy[5] = 0.5 * (qw * w[1] + qz * w[0] - qx * w[2])
+    dy[6] = 0.5 * (qw * w[2] + qx * w[1] - qy * w[0])
+    put(dy, 7, to_world(R, x_ddot))
+    put(dy, 10, w_dot)
+    for k in range(hull.shape[0]):
+        dy[13 + k] = 0.0
+    for c in range(n):
+        dy[13 + int(rows[c, POINT])] = rows[c, P]
+    return (margin(mu, contacts, rows, n) if solvable else -inf), n
+
+
+@stage
+def margin(mu, contacts, rows, n):
+    """The least of the pushes of n contacts and of what friction has left where they stick, N."""
+    least = inf
+    for c in range(n):
+        p = vec2(rows, c, P)
+        least = min(least, p[0])
+        if contacts[int(rows[c, POINT]), 0] == STICKS:
+            least = min(least, mu * p[0] - sqrt(p[1] * p[1] + p[2] * p[2]))
+    return least
+
+
+@stage
+def keep(body, hull, plane, mu, y, contacts, space):
+    """Put y back where its constraints hold: the pose first, then the velocities. Returns how many."""
+    _m, inv_m, J, inv_J, _bound = body
+    rows, A, V, _B, _Q, r, _lam = space
+    x, quat, v, w = load(y)
+    size = y[3] * y[3] + y[4] * y[4] + y[5] * y[5] + y[6] * y[6]
+    put_quat(y, 3, (y[3] / sqrt(size), y[4] / sqrt(size), y[5] / sqrt(size), y[6] / sqrt(size)))
+    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    if n == 0:
+        return n
+    finest = FINEST_GAP * (1.0 + abs(x[0]) + abs(x[1]) + abs(x[2]))
+    for _ in range(MAX_POSE):
+        x, quat, v, w = load(y)
+        R = matrix(quat)
+        N_b, height = to_body(R, plane[0]), height_over(plane, x)
+        count = equations(hull, contacts, mu, inv_m, rows, n, POSE, A, V)
+        i = 0
+        worst = 0.0
+        for c in range(n):
+            k = int(rows[c, POINT])
+            r[i] = -gap(hull, k, N_b, height)
+            worst = max(worst, abs(r[i]))
+            i += 1
+            if equations_of(hull, contacts, k, POSE) == 3:
+                r1 = add(x, to_world(R, vec2(hull, k, 0)))
+                r[i] = contacts[k, 1] - dot(plane[1], r1)
+                r[i + 1] = contacts[k, 2] - dot(plane[2], r1)
+                worst = max(worst, abs(r[i]), abs(r[i + 1]))
+                i += 2
+        if worst <= finest:
+            break
+        dx, turned = answer(count, space)
+        quat, w = turn(J, inv_J, quat, w, scale(0.5, turned))
+        put(y, 0, add(x, to_world(R, dx)))
+        put_quat(y, 3, quat)
+        put(y, 10, w)
+        closed_rows(body, hull, plane, mu, y, contacts, rows)
+
+    count = equations(hull, contacts, mu, inv_m, rows, n, MOTION, A, V)
+    i = 0
+    for c in range(n):
+        r[i] = -rows[c, SPEED]
+        i += 1
+        if contacts[int(rows[c, POINT]), 0] == STICKS:
+            r[i], r[i + 1] = -rows[c, SLIP], -rows[c, SLIP + 1]
+            i += 2
+    dv, dw = answer(count, space)
+    x, quat, v, w = load(y)
+    put(y, 7, add(v, to_world(matrix(quat), dv)))
+    put(y, 10, add(w, dw))
+    return n

@@ -1,0 +1,329 @@
+"""Method "exact": from event to event.
+
+    fly        without contact: in closed form to the first touch, which is certified
+    segment    with contact, or with torque: error-controlled, to the event that ends it
+    resolve    what touches: impacts (Eq. 12), then which points push, slide and stick
+
+A bouncing point whose hops get ever shorter is followed hop by hop, each in closed form, until it
+leaves the ground slower than STILL: that is after 120 bounces at e = 0.8. Several points that clatter
+against each other are at rest once all of them are within SUNK of the ground and slower than SOFT.
+"""
+
+from math import inf, sqrt
+
+import numpy as np
+
+from ..algebra import add, entry, jit, matrix, put2, scale, stage, times, to_body, to_world, vec, vec2, dot, cross, axpy
+from ..contact import centripetal, gyroscopic, push
+from ..model import MEMORY, NOT_FINITE, OK, STUCK, TOUCH, arm, closing_speed, gap, height_over, is_finite, load, store, unpack
+from ..sweep import POINT, SLIP, TARGET, K, P, in_body, kinetic_energy, six2, strike
+from .attitude import anchor
+from .constraint import FREE, SLIDES, STICKS, STILL, closed_rows, keep, rates, workspace
+from .decide import OK as SETTLED
+from .decide import decide
+from .flight import JERK, first_touch, fly
+from .impact import impact
+from .segment import BROKEN, DONE, JAM, SIZE, SUNK, segment
+
+TOL = 1e-12
+"""The error allowed in each step of a segment unless told otherwise."""
+
+SOFT = 1e-7
+"""m/s: several points that touch and close slower than that are at rest from now on. What that leaves
+out is a hop of less than 1e-15 m."""
+
+BRIEF = 1e-9
+"""A hop is so short that its acceleration changes by less than that part."""
+
+AT_REST = 1e-12
+"""m/s and rad/s, and of gravity: a body that sticks and moves and accelerates by less does neither."""
+
+MAX_BLOWS = 30
+"""At one time."""
+
+BLOW_SWEEPS, BLOW_AGREED = 1000, 1e-14
+"""Sweeps of several points that strike at once; m/s."""
+
+MAX_EVENTS = 1000
+"""That follow each other without time in between."""
+
+# What is remembered from call to call, after the points: 1 once begun; 1 in flight, since how long, from
+# which motion (13) and the next step to try.
+# Last what acts: acceleration and torque.
+BEGUN, FLYING, SINCE, START, NEXT, PULL, TWIST = 0, 1, 2, 3, 16, 17, 20
+EXTRA = 24 // MEMORY
+
+
+@stage
+def begin_flight(past, y):
+    """Remember where a flight begins: it is not cut by records."""
+    past[FLYING], past[SINCE] = 1.0, 0.0
+    for s in range(13):
+        past[START + s] = y[s]
+
+
+@stage
+def flight(body, hull, plane, a, y, past, span):
+    """Fly for `span` seconds or to the first touch. Returns (how long, the point that touches or -1)."""
+    if past[FLYING] == 0.0:
+        begin_flight(past, y)
+    x, quat, v, w = load(past[START : START + 13])
+    start = anchor(body[2], body[3], quat, w)
+    since = past[SINCE]
+    t, k = first_touch(body, hull, plane, start, a, x, v, since, since + span)
+    hop, hopper = brief_hop(body, hull, plane, a, x, quat, v, w, start[4][2])
+    if hopper >= 0 and hop >= since and k in (hopper, -1):
+        t, k = (hop, hopper) if hop <= since + span else (since + span, -1)
+    x, quat, v, w = fly(body, start, a, x, v, t)
+    if k >= 0:
+        past[FLYING] = 0.0
+    else:
+        t = since + span
+        past[SINCE] = t
+    store(y, x, quat, v, w)
+    return t - since, k
+
+
+@stage
+def brief_hop(body, hull, plane, a, x, quat, v, w, spin2):
+    """(duration, point) of a hop that begins now and is a parabola to rounding; (inf, -1) if there is none.
+
+    Its height may be far below what positions can tell apart.
+    """
+    R = matrix(quat)
+    N_b, v_b, a_b = to_body(R, plane[0]), to_body(R, v), to_body(R, a)
+    w_dot = gyroscopic(body[2], body[3], w)
+    soonest, point = inf, -1
+    for k in range(hull.shape[0]):
+        b = vec2(hull, k, 0)
+        if abs(gap(hull, k, N_b, height_over(plane, x))) > TOUCH:
+            continue
+        speed = dot(N_b, add(v_b, cross(w, b)))
+        bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b)))
+        if speed > 0.0 and bend < 0.0:
+            t = -2.0 * speed / bend
+            if t * JERK * spin2 * sqrt(spin2) * sqrt(dot(b, b)) < -BRIEF * bend and t < soonest:
+                soonest, point = t, k
+    return soonest, point
+
+
+@stage
+def blow(body, hull, plane, law, y, k, speed, space):
+    """The impact of one point (Eq. 12), which closes at `speed` at least. Returns whether it had a path."""
+    _m, inv_m, _J, inv_J, _bound = body
+    mu, e = law
+    rows = space[0]
+    x, quat, v, w = load(y)
+    memory = np.zeros((hull.shape[0], MEMORY))
+    memory[k, 0] = SLIDES
+    closed_rows(body, hull, plane, mu, y, memory, rows)
+    u = (min(rows[0, TARGET], -speed), rows[0, SLIP], rows[0, SLIP + 1])
+    kk = six2(rows, 0, K)
+    if mu == 0.0:
+        kk = (kk[0], 0.0, 0.0, 1.0, 0.0, 1.0)
+    p_n, p_1, p_2, ok = impact(kk, mu, e, u)
+    R = matrix(quat)
+    _b, q = arm(hull, k, to_body(R, plane[0]))
+    v_b, w = push(inv_m, inv_J, q, in_body(rows, 0, (p_n, p_1, p_2)), to_body(R, v), w)
+    store(y, x, quat, to_world(R, v_b), w)
+    y[SIZE + k] += p_n
+    return ok
+
+
+@stage
+def blows(body, hull, plane, law, y, contacts, soft, space):
+    """Points that strike while others touch, all at once, as `impulse` does it: Newton's law, without gain.
+
+    `soft`: without restitution.
+    """
+    m, inv_m, J, inv_J, _bound = body
+    mu, e = law
+    rows = space[0]
+    n = closed_rows(body, hull, plane, mu, y, contacts, rows)
+    for c in range(n):
+        u = rows[c, TARGET]
+        put2(rows, c, TARGET, (-e * u if u < -STILL and not soft else 0.0, 0.0, 0.0))
+    x, quat, v, w = load(y)
+    R = matrix(quat)
+    v_b, w = strike(rows, n, m, inv_m, J, mu, True, to_body(R, v), w, BLOW_SWEEPS, BLOW_AGREED)
+    store(y, x, quat, to_world(R, v_b), w)
+    for c in range(n):
+        y[SIZE + int(rows[c, POINT])] += rows[c, P]
+
+
+@stage
+def touching(hull, plane, y, contacts, touch, struck):
+    """Mark what touches and does not leave as closed, and, after a blow, as not sticking any more.
+
+    Returns:
+        (how many, the fastest that closes, m/s, which).
+    """
+    x, quat, v, w = load(y)
+    R = matrix(quat)
+    N_b, height = to_body(R, plane[0]), height_over(plane, x)
+    n, fastest, which = 0, 0.0, -1
+    for k in range(hull.shape[0]):
+        closed = contacts[k, 0] != FREE
+        if closed or gap(hull, k, N_b, height) <= touch:
+            speed = closing_speed(hull, k, plane, R, v, w)
+            if speed > STILL:
+                contacts[k, 0] = FREE
+                continue
+            n += 1
+            if struck or not closed:
+                contacts[k, 0] = SLIDES
+            if -speed > fastest:
+                fastest, which = -speed, k
+    return n, fastest, which
+
+
+@stage
+def anchor_points(hull, plane, y, contacts):
+    """Remember where sharp points stick."""
+    x, quat, _v, _w = load(y)
+    R = matrix(quat)
+    for k in range(hull.shape[0]):
+        if contacts[k, 0] == STICKS:
+            r1 = add(x, to_world(R, vec2(hull, k, 0)))
+            contacts[k, 1], contacts[k, 2] = dot(plane[1], r1), dot(plane[2], r1)
+
+
+@stage
+def resolve(body, hull, plane, law, a, torque, y, contacts, touch, still, space):
+    """Impacts of what touches and closes, then how each closed point goes on. Returns False if stuck."""
+    for blow_number in range(MAX_BLOWS):
+        n, fastest, which = touching(hull, plane, y, contacts, touch, blow_number > 0)
+        if n == 0:
+            return True
+        if fastest > still:
+            if n == 1:
+                if not blow(body, hull, plane, law, y, which, 0.0, space):
+                    return False
+                contacts[which, 0] = FREE
+            else:
+                blows(body, hull, plane, law, y, contacts, fastest < SOFT or blow_number > 3, space)
+            if fastest > SOFT or n == 1:
+                still = STILL
+                continue
+        keep(body, hull, plane, law[0], y, contacts, space)
+        which = decide(body, hull, plane, law[0], a, torque, y, contacts, space)
+        if which == SETTLED:
+            anchor_points(hull, plane, y, contacts)
+            return True
+        # Painlevé's paradox: no force, so an impulse
+        if not blow(body, hull, plane, law, y, which, STILL, space):
+            return False
+    return False
+
+
+@stage
+def unjam(body, hull, plane, law, y, contacts, space):
+    """The impulse of the sliding point that no step is short enough for: its force grows beyond all bounds."""
+    n = closed_rows(body, hull, plane, law[0], y, contacts, space[0])
+    worst, which = 0.0, -1
+    for c in range(n):
+        k = int(space[0][c, POINT])
+        if contacts[k, 0] == SLIDES and space[0][c, P] > worst:
+            worst, which = space[0][c, P], k
+    return which >= 0 and blow(body, hull, plane, law, y, which, STILL, space)
+
+
+@stage
+def rests(body, hull, plane, mu, a, torque, y, contacts, space, dy):
+    """Is it at rest, for as long as nothing outside changes? Then it is put to rest entirely."""
+    x, quat, v, w = load(y)
+    slow = AT_REST * (1.0 + sqrt(dot(a, a)))
+    for s in range(7, SIZE):
+        if abs(y[s]) > AT_REST:
+            return False
+    margin, n = rates(body, hull, plane, mu, a, torque, y, contacts, space, dy)
+    if n == 0 or margin < 0.0:
+        return False
+    for s in range(7, SIZE):
+        if abs(dy[s]) > slow * (1.0 if s < 10 else 1.0 / body[4]):
+            return False
+    for s in range(7, SIZE):
+        y[s] = 0.0
+    return True
+
+
+@entry
+def run(body, hull, plane, law, a, torque, state, contacts, f, options, h, n):
+    """Go on for n h seconds, in place; the arguments are those of `impulse.run`, but:
+
+    `contacts` has EXTRA more rows, for what is remembered of a flight. options[0]: the error allowed in each
+    step of a segment, of the motion's own scales.
+
+    Returns:
+        OK, NOT_FINITE or STUCK; then `state` is as it was at the last event.
+    """
+    body_, plane_ = unpack(body, plane)
+    law_ = (law[0], law[1])
+    a_, torque_ = vec(a, 0), vec(torque, 0)
+    points = hull.shape[0]
+    past = contacts[points:].reshape(-1)
+    memory = contacts[:points]
+    space = workspace(points)
+    stages = np.zeros((SIZE, SIZE + points))
+    y, y1 = np.zeros(SIZE + points), np.zeros(SIZE + points)
+    y[:SIZE] = state
+    f[:] = 0.0
+    span = n * h
+    if not span > 0.0:
+        return OK
+    free = torque_[0] == 0.0 and torque_[1] == 0.0 and torque_[2] == 0.0
+    t, idle = 0.0, 0
+    same = True
+    for s in range(3):
+        same = same and past[PULL + s] == a[s] and past[TWIST + s] == torque[s]
+        past[PULL + s], past[TWIST + s] = a[s], torque[s]
+    if past[BEGUN] == 0.0:
+        past[BEGUN] = 1.0
+        past[NEXT] = span
+        if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, TOUCH, TOUCH, space):
+            return STUCK
+    elif not same:
+        past[FLYING] = 0.0
+        if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, 0.0, STILL, space):
+            return STUCK
+    while t < span:
+        closed = False
+        for k in range(points):
+            closed = closed or memory[k, 0] != FREE
+        event = True
+        if not closed and free:
+            dt, k = flight(body_, hull, plane_, a_, y, past, span - t)
+            event = k >= 0
+        elif closed and rests(body_, hull, plane_, law_[0], a_, torque_, y, memory, space, stages[0]):
+            past[FLYING] = 0.0
+            dt = span - t
+            for k in range(points):
+                y[SIZE + k] += dt * stages[0, SIZE + k]
+            event = False
+        else:
+            past[FLYING] = 0.0
+            why, dt, past[NEXT] = segment(
+                body_, hull, plane_, law_[0], a_, torque_, y, memory, span - t, past[NEXT],
+                options[0], space, stages, y1,
+            )  # fmt: skip
+            if why == BROKEN:
+                return NOT_FINITE
+            event = why != DONE
+            if why == JAM and not unjam(body_, hull, plane_, law_, y, memory, space):
+                return STUCK
+        if not is_finite(*load(y)):
+            return NOT_FINITE
+        t += dt
+        idle = idle + 1 if dt <= 0.0 else 0
+        if idle > MAX_EVENTS:
+            return STUCK
+        if event:
+            if not resolve(body_, hull, plane_, law_, a_, torque_, y, memory, SUNK * 10.0, STILL, space):
+                return STUCK
+        if not event:
+            break
+    for s in range(SIZE):
+        state[s] = y[s]
+    for k in range(points):
+        f[k] = y[SIZE + k] / span
+    return OK
