@@ -148,7 +148,7 @@ def simulate(
 
         def share(first):
             for j in range(first, len(rows), threads):
-                flag = kernel(*scene.parameters, a, tau, rows[j], memory[j], f[j], flags, h, n)
+                flag = kernel(*what, a, tau, rows[j], memory[j], f[j], flags, h, n)
                 if flag:
                     return j, flag
             return len(rows), 0
@@ -160,6 +160,8 @@ def simulate(
             raise SolverError(_REASONS[flag], t, from_kernel(body, rows[j]), index)
 
     kernel = _KERNELS[method]
+    # the other methods, which are there to be compared, leave nothing out
+    what = (*scene.parameters[:3], scene.law) if method == "impulse" else scene.parameters
     with ThreadPoolExecutor(threads) as pool:  # it starts no thread before it has work
         run_all(0, dt, 0.0, forces[0])
         for start in starts:
