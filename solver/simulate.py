@@ -36,6 +36,7 @@ _OPTIONS: dict[str, dict[str, bool | float]] = {
     "impulse": {},
     "exact": {"tol": exact.TOL},
 }
+_LIMITS = {"tol": {"above": 0.0}}
 _EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
@@ -209,7 +210,7 @@ def _options(method: str, options: dict | None) -> np.ndarray:
             allowed = ", ".join(map(repr, known)) or "none"
             raise ValueError(f"options of {method!r} are {allowed}; got {name!r}")
         if not isinstance(known[name], bool):
-            number(f"options[{name!r}]", value, low=0.0)
+            number(f"options[{name!r}]", value, **_LIMITS.get(name, {"low": 0.0}))
         elif not isinstance(value, bool):
             raise ValueError(f"options[{name!r}] must be True or False, got {value!r}")
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)
