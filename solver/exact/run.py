@@ -6,7 +6,7 @@
 
 A bouncing point whose hops get ever shorter is followed hop by hop, each in closed form, until it
 leaves the ground slower than STILL: that is after 120 bounces at e = 0.8. Several points that clatter
-against each other are at rest once all of them are within SUNK of the ground and slower than SOFT.
+against each other are at rest once all of them are within NEAR of the ground and slower than SOFT.
 """
 
 from math import inf, sqrt
@@ -301,7 +301,7 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     a flight, and options[0] is `tol`.
 
     Returns:
-        OK, NOT_FINITE, STUCK or CROWDED; then `state` is as it was at the last event.
+        OK, NOT_FINITE, STUCK or CROWDED; then `state` is as it was.
     """
     body_, ground_ = unpack(body, ground)
     law_ = (law[0], law[1])
@@ -371,7 +371,7 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
             flag = resolve(body_, hull, ground_, law_, a_, torque_, y, memory, NEAR, still, space)
             if flag != OK:
                 return flag
-        if not event:
+        else:
             break
     for s in range(SIZE):
         state[s] = y[s]
