@@ -5,13 +5,24 @@ from math import sqrt
 import numpy as np
 
 from solver import impulse
-from solver.algebra import borrowed, dot, entry, jit, put, vec
+from solver.algebra import borrowed, dot, entry, jit, once, put, vec
 from solver.model import MEMORY, is_finite, load, store, unpack
 from solver.sweep import WIDTH as CONTACT_ROW
 from solver.sweep import kinetic_energy
 
-from . import observe, reward
+from . import car, observe, reward
 from . import row as r
+
+RESTITUTION = True if car.RESTITUTION > 0.0 else None
+"""None: the car's kernel leaves restitution out; every other term it has (`solver.terms`)."""
+
+
+@jit
+def kept(term, value):
+    """The value, or None if its term is left out."""
+    if term is None:
+        return None
+    return value
 
 
 @jit
@@ -39,11 +50,11 @@ def observe_row(model, out, x, quat, v, w):
         observe.state(x, quat, v, w, obs)
 
 
-@jit
+@once
 def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
     body, ground = unpack(model[r.BODY : r.BODY + 5], (model[r.PLANE : r.PLANE + 10], None))
-    law = (model[r.LAW], model[r.LAW + 1])
+    law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True)
     g = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps
@@ -71,15 +82,21 @@ def step_row(model, hull, row, action, scratch):
     failed = False
     work = row[r.WORK]
     clear = 0.0
-    for _ in range(substeps):
-        x1, quat1, v1, w1, clear = impulse.step(
+    for done in range(substeps):
+        x1, quat1, v1, w1, clear, still = impulse.step(
             body, hull, ground, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
         )
         if not is_finite(x1, quat1, v1, w1):
             failed = True
             break
         work += 0.5 * h * (abs(dot(torque, w)) + abs(dot(torque, w1)))
+        asleep = still > 0 and (x, quat, v, w) == (x1, quat1, v1, w1)
         x, quat, v, w = x1, quat1, v1, w1
+        if asleep:
+            impulse.repeat(scratch, still, ground, push, substeps - 1 - done)
+            for _ in range(done + 1, substeps):
+                work += h * abs(dot(torque, w))
+            break
     store(row, x, quat, v, w)
     row[r.WORK] = work
     row[r.STEPS] += 1.0

@@ -7,32 +7,54 @@ by row. Tuples live in registers: `np.cross` and `np.dot` on 3-vectors are about
 from functools import partial
 from math import sqrt
 
-from numba import njit
+from numba import njit, types
 from numba.core import cgutils, config
 from numba.extending import intrinsic
 
-# Contraction to fused multiply-add is the only liberty the compiler takes: full fastmath would delete
-# the checks for NaN, and would make the bits depend on how the code is vectorised.
-FASTMATH = {"contract"}
-jit = partial(njit, fastmath=FASTMATH, error_model="numpy", forceinline=True)
+# No liberties for the compiler (fastmath): the same formula has the same bits wherever it is compiled,
+# whatever surrounds it, on any processor. Where multiplying and adding in one pays, `fma` says so.
+jit = partial(njit, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
 """For small helpers: they dissolve in their caller. Left to itself the compiler calls most of them,
 passing each array as nine arguments, which costs more than what they do."""
-stage = partial(njit, fastmath=FASTMATH, error_model="numpy")
+stage = partial(njit, error_model="numpy", no_cfunc_wrapper=True)
 """For the stages of a step: called, not copied, which keeps compiling quick."""
-entry = partial(njit, fastmath=FASTMATH, error_model="numpy", cache=True, nogil=True)
+once = partial(njit, error_model="numpy", inline="always")
+"""For what has one caller or two, and is large: not compiled by itself first."""
+entry = partial(njit, error_model="numpy", cache=True, nogil=True)
 """For the few functions that Python calls: compiled once, then kept on disk."""
+
+
+if config.DISABLE_JIT:
+
+    def fma(a, b, c):
+        """a b + c, rounded twice here."""
+        return a * b + c
+else:
+
+    @intrinsic
+    def fma(typingctx, a, b, c):
+        """a b + c, rounded once."""
+
+        def codegen(context, builder, signature, args):
+            return builder.fma(*args)
+
+        return types.float64(types.float64, types.float64, types.float64), codegen
 
 
 @jit
 def dot(a, b):
     """a · b."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+    return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
 
 
 @jit
 def cross(a, b):
     """a × b."""
-    return (a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0])
+    return (
+        fma(a[1], b[2], -(a[2] * b[1])),
+        fma(a[2], b[0], -(a[0] * b[2])),
+        fma(a[0], b[1], -(a[1] * b[0])),
+    )
 
 
 @jit
@@ -44,7 +66,7 @@ def add(a, b):
 @jit
 def axpy(s, a, b):
     """s a + b."""
-    return (s * a[0] + b[0], s * a[1] + b[1], s * a[2] + b[2])
+    return (fma(s, a[0], b[0]), fma(s, a[1], b[1]), fma(s, a[2], b[2]))
 
 
 @jit
@@ -140,9 +162,9 @@ def matrix(quat):
     """Rotation matrix R of a unit quaternion: world = R body."""
     w, x, y, z = quat
     return (
-        1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y),
-        2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x),
-        2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y),
+        fma(-2.0, fma(y, y, z * z), 1.0), 2.0 * fma(x, y, -(w * z)), 2.0 * fma(x, z, w * y),
+        2.0 * fma(x, y, w * z), fma(-2.0, fma(x, x, z * z), 1.0), 2.0 * fma(y, z, -(w * x)),
+        2.0 * fma(x, z, -(w * y)), 2.0 * fma(y, z, w * x), fma(-2.0, fma(x, x, y * y), 1.0),
     )  # fmt: skip
 
 
@@ -150,9 +172,9 @@ def matrix(quat):
 def to_world(R, a):
     """R a."""
     return (
-        R[0] * a[0] + R[1] * a[1] + R[2] * a[2],
-        R[3] * a[0] + R[4] * a[1] + R[5] * a[2],
-        R[6] * a[0] + R[7] * a[1] + R[8] * a[2],
+        fma(R[2], a[2], fma(R[1], a[1], R[0] * a[0])),
+        fma(R[5], a[2], fma(R[4], a[1], R[3] * a[0])),
+        fma(R[8], a[2], fma(R[7], a[1], R[6] * a[0])),
     )
 
 
@@ -160,9 +182,9 @@ def to_world(R, a):
 def to_body(R, a):
     """Rᵀ a."""
     return (
-        R[0] * a[0] + R[3] * a[1] + R[6] * a[2],
-        R[1] * a[0] + R[4] * a[1] + R[7] * a[2],
-        R[2] * a[0] + R[5] * a[1] + R[8] * a[2],
+        fma(R[6], a[2], fma(R[3], a[1], R[0] * a[0])),
+        fma(R[7], a[2], fma(R[4], a[1], R[1] * a[0])),
+        fma(R[8], a[2], fma(R[5], a[1], R[2] * a[0])),
     )
 
 
@@ -170,10 +192,10 @@ def to_body(R, a):
 def product(a, b):
     """The quaternion product a b: the attitude b, then a."""
     return (
-        a[0] * b[0] - a[1] * b[1] - a[2] * b[2] - a[3] * b[3],
-        a[1] * b[0] + a[0] * b[1] + a[2] * b[3] - a[3] * b[2],
-        a[2] * b[0] + a[0] * b[2] + a[3] * b[1] - a[1] * b[3],
-        a[3] * b[0] + a[0] * b[3] + a[1] * b[2] - a[2] * b[1],
+        fma(-a[3], b[3], fma(-a[2], b[2], fma(-a[1], b[1], a[0] * b[0]))),
+        fma(-a[3], b[2], fma(a[2], b[3], fma(a[0], b[1], a[1] * b[0]))),
+        fma(-a[1], b[3], fma(a[3], b[1], fma(a[0], b[2], a[2] * b[0]))),
+        fma(-a[2], b[1], fma(a[1], b[2], fma(a[0], b[3], a[3] * b[0]))),
     )
 
 

@@ -4,7 +4,7 @@ from math import sqrt
 
 import numpy as np
 
-from .algebra import add, axpy, cross, dot, jit, product, scale, times
+from .algebra import add, axpy, cross, dot, fma, jit, product, scale, times
 from .contact import gyroscopic
 
 MAX_TURN = 0.0125
@@ -15,7 +15,7 @@ MAX_PIECES = 100_000
 
 
 @jit
-def spin(J, inv_J, quat, w, h):
+def spin(J, inv_J, gyro, quat, w, h):
     """Turn freely for h seconds: J ẇ = −w × J w, the torque-free part of Eq. 2.
 
     Fourth order: the rotation vector by Magnus' series, its integrals by the classical Runge-Kutta
@@ -25,6 +25,7 @@ def spin(J, inv_J, quat, w, h):
     Args:
         J: principal moments of inertia, kg m².
         inv_J: their inverses.
+        gyro: None if −w × J w is zero, as J is a multiple of the identity.
         quat: attitude, body to world.
         w: angular velocity, body axes, rad/s.
         h: s.
@@ -42,26 +43,34 @@ def spin(J, inv_J, quat, w, h):
     if not turn2 < (MAX_TURN * MAX_PIECES) ** 2:  # or not a number: the caller's check finds it
         return (np.nan, np.nan, np.nan, np.nan), w
     for _ in range(n):
-        w_dot = gyroscopic(J, inv_J, w)
-        w_dot1 = gyroscopic(J, inv_J, axpy(0.5 * dt, w_dot, w))
-        w_dot2 = gyroscopic(J, inv_J, axpy(0.5 * dt, w_dot1, w))
-        # half the rotation vector: ∫w dt + ½∫∫ w × w dt dt, halved
-        s = dt * dt * (1.0 / 12.0)
-        e = axpy(s, add(w_dot, add(w_dot1, w_dot2)), scale(0.5 * dt, w))
-        e = axpy(0.5 * dt * s, cross(w, w_dot1), e)
+        e = half_turn(J, inv_J, gyro, w, dt)
         quat, w = turn(J, inv_J, quat, w, e)
     return quat, w
+
+
+@jit
+def half_turn(J, inv_J, gyro, w, h):
+    """Half the rotation vector of h seconds: ∫w dt + ½∫∫ w × w dt dt, halved; body axes."""
+    e = scale(0.5 * h, w)
+    if gyro is None:
+        return e
+    w_dot = gyroscopic(J, inv_J, w)
+    w_dot1 = gyroscopic(J, inv_J, axpy(0.5 * h, w_dot, w))
+    w_dot2 = gyroscopic(J, inv_J, axpy(0.5 * h, w_dot1, w))
+    s = h * h * (1.0 / 12.0)
+    e = axpy(s, add(w_dot, add(w_dot1, w_dot2)), e)
+    return axpy(0.5 * h * s, cross(w, w_dot1), e)
 
 
 @jit
 def turn(J, inv_J, quat, w, e):
     """Turn by the rotation vector 2e (body axes, |e| < 0.01), and w so that the world's J w stays."""
     angle2 = dot(e, e)
-    c = 1.0 - angle2 * (1.0 / 2.0 - angle2 * (1.0 / 24.0))
-    e = scale(1.0 - angle2 * (1.0 / 6.0 - angle2 * (1.0 / 120.0)), e)
+    c = fma(-angle2, fma(-angle2, 1.0 / 24.0, 1.0 / 2.0), 1.0)
+    e = scale(fma(-angle2, fma(-angle2, 1.0 / 120.0, 1.0 / 6.0), 1.0), e)
     # what rounding did to the norm so far is taken back
-    n2 = quat[0] * quat[0] + quat[1] * quat[1] + quat[2] * quat[2] + quat[3] * quat[3]
-    fix = 1.5 - 0.5 * n2
+    n2 = fma(quat[3], quat[3], fma(quat[2], quat[2], fma(quat[1], quat[1], quat[0] * quat[0])))
+    fix = fma(-0.5, n2, 1.5)
     quat = product(quat, (fix * c, fix * e[0], fix * e[1], fix * e[2]))
     # L' = L + 2c L×e + 2 (L×e)×e
     t = scale(2.0, cross(times(J, w), e))

@@ -110,7 +110,7 @@ def cone_impulse(K, inv_K, mu, b, r, guess, slip):
     Args:
         K: (nn, n1, n2, 11, 12, 22), 1/kg (Eq. 10).
         inv_K: its inverse.
-        mu: friction coefficient.
+        mu: friction coefficient; None: left out.
         b: (3,) u_free − target, m/s.
         r: (2,) what the slip direction is measured from, m/s.
         guess: (2,) tangential impulse against which it may slip; (0, 0) if not known.
@@ -124,7 +124,7 @@ def cone_impulse(K, inv_K, mu, b, r, guess, slip):
     if b[0] >= 0.0:
         return 0.0, 0.0, 0.0
     frictionless = -b[0] / K[0]
-    if mu == 0.0:
+    if mu is None or mu == 0.0:
         return frictionless, 0.0, 0.0
     p_n, p_1, p_2 = _holding(inv_K, b)
     if p_1 * slip[0] + p_2 * slip[1] > 0.0:

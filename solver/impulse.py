@@ -2,6 +2,7 @@
 
 One step of h seconds, from a pose and velocities at its start to those at its end:
 
+    fly        too high for any contact: nothing but flight
     collide    points that touch and close get an impact: Eq. 8 for all of them at once
     advance    half a drift; all impulses of the step at the middle pose; half a drift
     locate     did a point go below the ground? then the step ends where it touches, and goes on there
@@ -25,6 +26,7 @@ from .algebra import (
     entry,
     jit,
     matrix,
+    once,
     put2,
     scale,
     stage,
@@ -94,13 +96,26 @@ MAX_ROUNDS = 8
 
 
 @jit
-def drift(body, x, quat, v, w, h):
+def drift(body, gyro, x, quat, v, w, h):
     """Straight flight and free spin for h seconds."""
-    quat, w = spin(body[2], body[3], quat, w, h)
+    quat, w = spin(body[2], body[3], gyro, quat, w, h)
     return axpy(h, v, x), quat, w
 
 
 @jit
+def fly(body, gyro, a, torque, x, quat, v, w, h):
+    """A step without contacts."""
+    if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
+        x, quat, w = drift(body, gyro, axpy(0.5 * h * h, a, x), quat, v, w, h)
+        return x, quat, axpy(h, a, v), w
+    half = 0.5 * h
+    x, quat, w = drift(body, gyro, x, quat, v, w, half)
+    v, w = axpy(h, a, v), axpy(h, times(body[3], torque), w)
+    x, quat, w = drift(body, gyro, x, quat, v, w, half)
+    return x, quat, v, w
+
+
+@once
 def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h):
     """Half a drift, all impulses at the middle pose, half a drift.
 
@@ -111,14 +126,16 @@ def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h
         (x, quat, v, w, n): the end of the step, and how many rows are filled.
     """
     half = 0.5 * h
-    x, quat, w = drift(body, x, quat, v, w, half)
+    x, quat, w = drift(body, law[2], x, quat, v, w, half)
     view = seen(ground, matrix(quat), x)
     n = close(hull, ground[4], view, contacts, rows)
     v1 = axpy(h, a, v)
     w1 = axpy(h, times(body[3], torque), w)
     if n > 0:
-        v1, w1 = hold(body, hull, ground[4], view, law[0], a, v, w, v1, w1, contacts, rows, n, h)
-    x, quat, w1 = drift(body, x, quat, v1, w1, half)
+        v1, w1 = hold(
+            body, hull, ground[4], view, law[0], law[2], law[3], a, v, w, v1, w1, contacts, rows, n, h
+        )
+    x, quat, w1 = drift(body, law[2], x, quat, v1, w1, half)
     return x, quat, v1, w1, n
 
 
@@ -134,13 +151,12 @@ def came_down(hull, ground, quat, x, quat1, x1, contacts):
 
 
 @stage
-def collide(body, hull, ground, law, slow, touch, x, quat, v, w, contacts, rows, push):
+def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
     Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
     """
     m, inv_m, J, inv_J, _bound = body
-    mu, e = law
     R = matrix(quat)
     view = seen(ground, R, x)
     arrives = False
@@ -158,16 +174,14 @@ def collide(body, hull, ground, law, slow, touch, x, quat, v, w, contacts, rows,
         if closed or gap_of(hull, k, ground[4], view) <= touch:
             begin(rows, n, hull, k, ground[4], view)
             u = fill(rows, n, inv_m, inv_J, mu, v_b, w)
-            target = 0.0
-            if not closed:
-                if u[0] < -TOUCH:
-                    struck = True
-                if u[0] < -slow:
-                    target = -e * u[0]
-            put2(rows, n, TARGET, (target, 0.0, 0.0))
+            struck = struck or (not closed and u[0] < -TOUCH)
+            put2(rows, n, TARGET, (0.0, 0.0, 0.0))
+            if e is not None:
+                if not closed and u[0] < -slow:
+                    rows[n, TARGET] = -e * u[0]
             n += 1
     if struck:
-        v_b, w = strike(rows, n, m, inv_m, J, mu, v_b, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
+        v_b, w = strike(rows, n, m, inv_m, J, mu, several, v_b, w, STRIKE_SWEEPS, STRIKE_TOLERANCE)
         v = to_world(R, v_b)
     for c in range(n):
         k = int(rows[c, POINT])
@@ -220,12 +234,12 @@ def add_to(array, k, a):
 
 @jit
 def commit(rows, n, ground, contacts, push, h, whole):
-    """Keep a trial's impulses: for the record, which contacts stay closed, and the warm start.
+    """Keep a trial's impulses: which contacts stay closed, and the warm start.
 
     Returns:
-        True if a contact opened.
+        (opened, changed): did a contact open, is anything now remembered otherwise?
     """
-    opened = False
+    opened, changed = False, False
     typical = h >= WHOLE * whole
     for c in range(n):
         # stopping a LATE point loads the others as well: such forces would mislead the next step
@@ -235,12 +249,16 @@ def commit(rows, n, ground, contacts, push, h, whole):
         p = vec2(rows, c, P)
         tally(push, k, rows, c, ground, ground[4])
         if contacts[k, 0] == CLOSED and p[0] > 0.0:
-            if typical:
+            F = vec2(contacts, k, 1)
+            # what `guess` made of it: there and back might be off by a bit
+            same = p[0] == h * F[0] and p[1] == h * F[1] and p[2] == h * F[2]
+            if typical and not same:
                 put2(contacts, k, 1, scale(1.0 / h, p))
+                changed = True
         else:
             remember(contacts, k, OPEN, NOTHING)
             opened = True
-    return opened
+    return opened, changed or opened
 
 
 @jit
@@ -367,7 +385,7 @@ def sagitta(field, bound, a, v, w, v1, w1, h):
     return 0.125 * h * h * (sqrt(dot(a, a)) + 2.0 * bound * w2 + bend(field, u2))
 
 
-@jit
+@once
 def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """One step of h seconds. `contacts` and `push` (impulses in world axes, summed) are updated.
 
@@ -375,7 +393,7 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         body: (m, 1/m, J, 1/J, radius of the bounding sphere).
         hull: (p, 4) points in principal axes and their radii, m.
         ground: (N, t1, t2, d, field), as in `model`.
-        law: (μ, e).
+        law: (μ, e, gyroscopic, several); None: left out (`terms`).
         a: g + F_ext/m, m/s², world axes.
         torque: N m, body axes.
         x: (3,) m.
@@ -390,29 +408,36 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
             at points that cannot have come down yet, and never changes the result.
 
     Returns:
-        (x, quat, v, w, clear).
+        (x, quat, v, w, clear, still): the last is 0, or how many rows push if what the contacts
+        remember has not changed. If the motion has not either, then no further step will change
+        anything, and `repeat` is all that they do.
     """
-    N, _t1, _t2, d, field = ground
+    N = ground[0]
     bound = body[4]
-
-    # Too high for any contact, at the start and at the end: nothing but flight.
-    height = dot(N, x) - d
+    # Too high for any contact, at the start and at the end.
+    height = dot(N, x) - ground[3]
     fall = h * (dot(N, v) + 0.5 * h * dot(N, a))
     if height > bound and height + fall > bound:
         for k in range(hull.shape[0]):
             contacts[k, 0] = OPEN
-        if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
-            x, quat, w = drift(body, axpy(0.5 * h * h, a, x), quat, v, w, h)
-            return x, quat, axpy(h, a, v), w, 0.0
-        x, quat, v, w, _n = advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h)
-        return x, quat, v, w, 0.0
+        x, quat, v, w = fly(body, law[2], a, torque, x, quat, v, w, h)
+        return x, quat, v, w, 0.0, 0
+    return near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear)
 
-    slow = SLOW * abs(dot(N, a)) * h
+
+@once
+def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
+    """A step of `step` near enough to the ground for contacts."""
+    bound = body[4]
+    slow = SLOW * abs(dot(ground[0], a)) * h
+    changed, n = True, 0
     rest = h
     for impact in range(MAX_IMPACTS + 1):
         if clear <= TOUCH:
             touch = TOUCH if impact == 0 else TOGETHER
-            v, w = collide(body, hull, ground, law, slow, touch, x, quat, v, w, contacts, rows, push)
+            v, w = collide(
+                body, hull, ground, law[0], law[1], law[3], slow, touch, x, quat, v, w, contacts, rows, push
+            )
         x1, quat1, v1, w1, n = advance(
             body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
         )
@@ -421,7 +446,7 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         if clear <= TOUCH:
             clear = clearance(hull, ground, quat1, x1, contacts)
             end = rest
-            if -TOUCH <= clear < sagitta(field, bound, a, v, w, v1, w1, rest):
+            if -TOUCH <= clear < sagitta(ground[4], bound, a, v, w, v1, w1, rest):
                 end = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, rest)
                 if end > 0.0:
                     there = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, end)
@@ -444,14 +469,23 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
                         body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
                     )
                 clear = 0.0
-        if commit(rows, n, ground, contacts, push, t, h):
+        opened, changed = commit(rows, n, ground, contacts, push, t, h)
+        if opened:
             clear = 0.0
         v = v1
         x, quat, w, clear = project(body, hull, ground, x1, quat1, w1, contacts, rows, n, clear)
         rest -= t
         if rest <= 0.0:
             break
-    return x, quat, v, w, clear
+    return x, quat, v, w, clear, n if impact == 0 and not changed else 0
+
+
+@stage
+def repeat(rows, n, ground, push, times):
+    """The record of so many more steps like the last, after which nothing had changed (asleep)."""
+    for _ in range(times):
+        for c in range(n):
+            tally(push, int(rows[c, POINT]), rows, c, ground, ground[4])
 
 
 @entry
@@ -462,7 +496,7 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
         body: (5,) m, principal moments, radius of the bounding sphere.
         hull: (p, 4).
         ground: ((10,) N, t1, t2, d; a field or None).
-        law: (2,) μ, e.
+        law: (μ, e, gyroscopic, several), a tuple; None: left out (`terms`). Other methods: (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
         state: (13,) x, quat, v (world axes), w (principal axes).
@@ -476,7 +510,6 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
         OK, or NOT_FINITE with `state` as it was before the step that failed.
     """
     body_, ground_ = unpack(body, ground)
-    law_ = (law[0], law[1])
     a_ = vec(a, 0)
     torque_ = vec(torque, 0)
     scratch = np.zeros((hull.shape[0], WIDTH))
@@ -486,17 +519,22 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     x, quat, v, w = load(state)
     f[:] = 0.0
     clear = 0.0
-    for _ in range(n):
+    for done in range(n):
         turn = h * (sqrt(dot(w, w)) + bend(ground_[4], sqrt(dot(v, v))))
         pieces = 1 + int(min(turn / MAX_STEP_TURN, MAX_STEP_PIECES))
+        still = 0
         for _piece in range(pieces):
-            x, quat, v, w, clear = step(
-                body_, points, ground_, law_, a_, torque_,
+            x, quat, v, w, clear, still = step(
+                body_, points, ground_, law, a_, torque_,
                 x, quat, v, w, memory, rows, push, h / pieces, clear,
             )  # fmt: skip
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
+        asleep = still > 0 and pieces == 1 and (x, quat, v, w) == load(state)
         store(state, x, quat, v, w)
+        if asleep:
+            repeat(rows, still, ground_, push, n - 1 - done)
+            break
     for k in range(hull.shape[0]):
         if n > 0:
             f[k] = pushed(pushes, k, ground_, ground_[4]) / (n * h)

@@ -26,6 +26,7 @@ from .sweep import (
     P,
     Q,
     agree,
+    agree_later,
     fill,
     in_axes,
     in_body,
@@ -38,7 +39,8 @@ STILL = 3e-15
 """m/s: contacts this near their aims are left as they are."""
 
 REST = 6e-15
-"""m/s and rad/s: velocities that the contacts' forces change by less in a step do not change."""
+"""m/s and rad/s: velocities that the contacts' forces change by less in a step do not change, and
+are 0 where they are less themselves: so nothing creeps, and a body can fall asleep."""
 
 ON_CONE = 0.999
 """A force that fills so much of its cone slides; then sweeping is quicker than trying to stick, unless
@@ -57,6 +59,8 @@ FINEST = 1e-12
 
 COLD = 1e-3
 """m/s, beyond g h: sweeps that still change so much had a first guess that was worse than none."""
+
+NOTHING = (0.0, 0.0, 0.0)
 
 
 @jit
@@ -95,12 +99,13 @@ def guess(mu, contacts, rows, n, h):
     """
     F = (0.0, 0.0, 0.0)
     T = (0.0, 0.0, 0.0)
-    push, slide = True, mu == 0.0
+    push, slide = True, mu is None or mu == 0.0
     for c in range(n):
         p = scale(h, vec2(contacts, int(rows[c, POINT]), 1))
         put2(rows, c, P, p)
         push = push and p[0] > 0.0
-        slide = slide or (p[0] > 0.0 and not in_cone(p, ON_CONE * mu))
+        if mu is not None:
+            slide = slide or (p[0] > 0.0 and not in_cone(p, ON_CONE * mu))
         p = in_body(rows, c, p)
         F = add(F, p)
         T = add(T, cross(vec2(rows, c, Q), p))
@@ -123,7 +128,7 @@ def turning(rows, c, field, R, b, rho, v, w, u_dot):
 
 
 @jit
-def aim(J, inv_J, hull, field, view, v, w, contacts, rows, n, h):
+def aim(J, inv_J, gyro, hull, field, view, v, w, contacts, rows, n, h):
     """What to aim at: Eq. 5's c at velocity level, u = −(h/2) c, with the spin that is expected.
 
     Without it, sustained contact is of first order. A LATE point, still above the surface, may come
@@ -132,7 +137,7 @@ def aim(J, inv_J, hull, field, view, v, w, contacts, rows, n, h):
     Returns:
         How far from it any contact's velocity is, m/s.
     """
-    w_dot = gyroscopic(J, inv_J, w)
+    w_dot = (0.0, 0.0, 0.0) if gyro is None else gyroscopic(J, inv_J, w)
     half = 0.5 * h
     worst = 0.0
     for c in range(n):
@@ -169,7 +174,7 @@ def work(rows, n, v, w):
 
 
 @jit
-def hold(body, hull, field, view, mu, a, v_before, w_before, v, w, contacts, rows, n, h):
+def hold(body, hull, field, view, mu, gyro, several, a, v_before, w_before, v, w, contacts, rows, n, h):
     """The velocities after the impulses of n contacts.
 
     Args:
@@ -177,7 +182,9 @@ def hold(body, hull, field, view, mu, a, v_before, w_before, v, w, contacts, row
         hull: as in `step`.
         field: as in `step`'s ground.
         view: of the ground from the middle pose.
-        mu: friction coefficient.
+        mu: as in `step`'s law, and so are
+        gyro: this
+        several: and this.
         a: g + F_ext/m.
         v_before: velocity before gravity, world axes; friction opposes the mean of the slip before
             and after.
@@ -197,26 +204,29 @@ def hold(body, hull, field, view, mu, a, v_before, w_before, v, w, contacts, row
     v_b = to_body(R, v)
     F, T, push, slide = guess(mu, contacts, rows, n, h)
     v1, w1 = spread(inv_m, inv_J, F, T, v_b, w)
-    far = aim(J, inv_J, hull, field, view, v1, w1, contacts, rows, n, h)
+    far = aim(J, inv_J, gyro, hull, field, view, v1, w1, contacts, rows, n, h)
     if push and not slide and far < STILL:
         # At rest nothing changes at all: residuals that add up would have to be undone in the end.
         v1 = to_world(R, v1)
         rests = change(v1, v_before) < REST and change(w1, w_before) < REST
+        if rests and dot(v_before, v_before) + dot(w_before, w_before) < REST * REST:
+            return NOTHING, NOTHING
         return (v_before, w_before) if rests else (v1, w1)
     gh = h * sqrt(dot(a, a))
     before = to_body(R, v_before)
-    if n > 1 and (not slide or (mu > 0.0 and far < gh)):
-        done, v2, w2 = stick(rows, n, m, inv_m, J, inv_J, mu, v1, w1, F, T)
-        if done and work(rows, n, before, w_before) <= PUSHED * m * gh * gh:
-            return to_world(R, v2), w2
-        guess(mu, contacts, rows, n, h)
+    if mu is not None and several is not None:
+        if n > 1 and (not slide or (mu > 0.0 and far < gh)):
+            done, v2, w2 = stick(rows, n, m, inv_m, J, inv_J, mu, v1, w1, F, T)
+            if done and work(rows, n, before, w_before) <= PUSHED * m * gh * gh:
+                return to_world(R, v2), w2
+            guess(mu, contacts, rows, n, h)
     for c in range(n):
         fill(rows, c, inv_m, inv_J, mu, before, w_before)
         put2(rows, c, TARGET, in_axes(rows, c, vec2(rows, c, AIM)))
     enough = max(FINEST, AGREED * gh)
-    v1, w1, left = agree(rows, n, inv_m, mu, 1.0, 1.0, v1, w1, SWEEPS, enough)
-    if left > COLD + gh:
+    v1, w1, left = agree(rows, n, inv_m, mu, several, 1.0, 1.0, v1, w1, SWEEPS, enough)
+    if several is not None and left > COLD + gh:
         for c in range(n):
             put2(rows, c, P, (0.0, 0.0, 0.0))
-        v1, w1, left = agree(rows, n, inv_m, mu, 1.0, 1.0, v_b, w, STRIKE_SWEEPS, enough)
+        v1, w1, left = agree_later(rows, n, inv_m, mu, several, 1.0, 1.0, v_b, w, STRIKE_SWEEPS, enough)
     return to_world(R, v1), w1

@@ -58,7 +58,7 @@ def joins(field):
     return SHARED_TOLERANCE  # those that were just put right, one by one, stay in
 
 
-@stage
+@jit
 def project(body, hull, ground, x, quat, w, contacts, rows, n, clear):
     """Positions alone, along M⁻¹Wᵀ: the first n rows' points onto the surface, or out of it.
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from . import acceleration
+from . import acceleration, terms
 from .body import Body
 from .errors import finite, number
 from .rotation import from_matrix, product, to_matrix
@@ -136,6 +136,8 @@ class Scene:
             np.array([self.friction, self.restitution]),
         )
         """The scene as the kernels' first arguments: body, hull, ground, law."""
+        self.law = terms.needed(body, self.friction, self.restitution)
+        """The terms that "impulse" is compiled for; set to `terms.full`, it has them all."""
 
     def energy(self, state: State) -> np.ndarray | float:
         """½m|v|² + ½w·Jw − m g·x, J: a float, or (n,) for a batch."""
@@ -171,6 +173,14 @@ class Scene:
         for row, quantities in zip(rows, out, strict=True):
             acceleration.quantities(*self.parameters, a, torque, row, quantities)
         return Contact(*np.moveaxis(out.reshape(*state.x.shape[:-1], *out.shape[1:]), -1, 0))
+
+    def explain(self) -> str:
+        """Which terms the kernel of "impulse" has for this scene, why, and what each costs: a table.
+
+        The cost of a term is what leaving it out saves, ns a step (`terms.COST`). The last line tells if
+        Painlevé's paradox can occur, and from which friction on.
+        """
+        return terms.explain(self.body, self.friction, self.law, self.surface.field)
 
     def __repr__(self):
         return (

@@ -36,6 +36,7 @@ _OPTIONS: dict[str, dict[str, bool | float]] = {
     "impulse": {},
     "exact": {"tol": exact.TOL},
 }
+_LIMITS = {"tol": {"above": 0.0}}
 _EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
@@ -148,7 +149,7 @@ def simulate(
 
         def share(first):
             for j in range(first, len(rows), threads):
-                flag = kernel(*scene.parameters, a, tau, rows[j], memory[j], f[j], flags, h, n)
+                flag = kernel(*what, a, tau, rows[j], memory[j], f[j], flags, h, n)
                 if flag:
                     return j, flag
             return len(rows), 0
@@ -160,6 +161,8 @@ def simulate(
             raise SolverError(_REASONS[flag], t, from_kernel(body, rows[j]), index)
 
     kernel = _KERNELS[method]
+    # the other methods, which are there to be compared, leave nothing out
+    what = (*scene.parameters[:3], scene.law) if method == "impulse" else scene.parameters
     with ThreadPoolExecutor(threads) as pool:  # it starts no thread before it has work
         run_all(0, dt, 0.0, forces[0])
         for start in starts:
@@ -207,7 +210,7 @@ def _options(method: str, options: dict | None) -> np.ndarray:
             allowed = ", ".join(map(repr, known)) or "none"
             raise ValueError(f"options of {method!r} are {allowed}; got {name!r}")
         if not isinstance(known[name], bool):
-            number(f"options[{name!r}]", value, low=0.0)
+            number(f"options[{name!r}]", value, **_LIMITS.get(name, {"low": 0.0}))
         elif not isinstance(value, bool):
             raise ValueError(f"options[{name!r}] must be True or False, got {value!r}")
     return np.array([*({**known, **(options or {})}).values(), 0.0], dtype=np.float64)

@@ -7,6 +7,8 @@ numbers here; the solver owns one array of rows and fills the first so many.
 
 from math import sqrt
 
+import numpy as np
+
 from .algebra import (
     add,
     axpy,
@@ -23,28 +25,28 @@ from .algebra import (
 )
 from .friction import cone_impulse, inverse_symmetric
 
-# Columns of a row. Vectors are in body axes.
-POINT = 0  # index of the hull point
-AXES = 1  # N, t1, t2
-Q = 10  # from x to the contact point, m
-AIM = 13  # velocity asked for, m/s
-P = 16  # impulse along N, t1, t2, N s
+# Columns of a row. Vectors are in body axes. No plain ints: numba compiles a helper anew for each of those.
+POINT = np.intp(0)  # index of the hull point
+AXES = np.intp(1)  # N, t1, t2
+Q = np.intp(10)  # from x to the contact point, m
+AIM = np.intp(13)  # velocity asked for, m/s
+P = np.intp(16)  # impulse along N, t1, t2, N s
 # What only sweeping needs:
-ARM = 19  # q × N, q × t1, q × t2: the angular part of W, and its like for the tangents
-TURN = 28  # J⁻¹ times those: rad/s per N s
-K = 37  # Eq. 10: nn, n1, n2, 11, 12, 22
-INV_K = 43
-TARGET = 49  # AIM along N, t1, t2
-SLIP = 52  # tangential velocity before the impulse, m/s
-STEP = 54  # what the last sweep changed of P, N s
+ARM = np.intp(19)  # q × N, q × t1, q × t2: the angular part of W, and its like for the tangents
+TURN = np.intp(28)  # J⁻¹ times those: rad/s per N s
+K = np.intp(37)  # Eq. 10: nn, n1, n2, 11, 12, 22
+INV_K = np.intp(43)
+TARGET = np.intp(49)  # AIM along N, t1, t2
+SLIP = np.intp(52)  # tangential velocity before the impulse, m/s
+STEP = np.intp(54)  # what the last sweep changed of P, N s
 # What only a height field needs:
-NORMAL = 57  # N in world axes
+NORMAL = np.intp(57)  # N in world axes
 WIDTH = 60
 # What `project.shove` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
-RISE = 19
-ROLL = 20
+RISE = np.intp(19)
+ROLL = np.intp(20)
 # And `kick.begin`, over a height field, until `fill`: H in world axes.
-BEND = 19
+BEND = np.intp(19)
 
 EXTRAPOLATE = 0.9
 """Sweeps that shrink by less than this factor are not extrapolated."""
@@ -101,7 +103,7 @@ def spread(inv_m, inv_J, F, T, v, w):
 def fill(rows, c, inv_m, inv_J, mu, v, w):
     """Prepare contact c for sweeping: arms, Eq. 10's matrix, and its slip at (v, w).
 
-    Without friction (μ = 0) the tangents are left out. Returns the velocity u of its point.
+    Without friction (μ None or 0) the tangents are left out. Returns the velocity u of its point.
     """
     q = vec2(rows, c, Q)
     a = cross(q, vec2(rows, c, AXES))
@@ -109,7 +111,7 @@ def fill(rows, c, inv_m, inv_J, mu, v, w):
     put2(rows, c, ARM, a)
     put2(rows, c, TURN, Ja)
     nn = inv_m + dot(a, Ja)
-    if mu == 0.0:
+    if mu is None or mu == 0.0:
         put6(rows, c, K, (nn, 0.0, 0.0, 0.0, 0.0, 0.0))
     else:
         a1 = cross(q, vec2(rows, c, AXES + 3))
@@ -133,7 +135,7 @@ def fill(rows, c, inv_m, inv_J, mu, v, w):
 def velocity(rows, c, mu, v, w):
     """Velocity of contact c's point along its axes; the tangents read 0 without friction."""
     u_n = dot(vec2(rows, c, AXES), v) + dot(vec2(rows, c, ARM), w)
-    if mu == 0.0:
+    if mu is None or mu == 0.0:
         return u_n, 0.0, 0.0
     u_1 = dot(vec2(rows, c, AXES + 3), v) + dot(vec2(rows, c, ARM + 3), w)
     u_2 = dot(vec2(rows, c, AXES + 6), v) + dot(vec2(rows, c, ARM + 6), w)
@@ -145,7 +147,7 @@ def apply(rows, c, inv_m, mu, p, v, w):
     """The velocities after an impulse p along contact c's axes (Eqs. 1 and 2 over a blow)."""
     v = axpy(inv_m * p[0], vec2(rows, c, AXES), v)
     w = axpy(p[0], vec2(rows, c, TURN), w)
-    if mu > 0.0:
+    if mu is not None and mu > 0.0:
         v = axpy(inv_m * p[1], vec2(rows, c, AXES + 3), v)
         w = axpy(p[1], vec2(rows, c, TURN + 3), w)
         v = axpy(inv_m * p[2], vec2(rows, c, AXES + 6), v)
@@ -153,8 +155,42 @@ def apply(rows, c, inv_m, mu, p, v, w):
     return v, w
 
 
-@stage
-def agree(rows, n, inv_m, mu, mean_slip, lasting, v, w, sweeps, tolerance):
+@jit
+def block(rows, c, inv_m, mu, mean_slip, lasting, v, w):
+    """Solve contact c with the others' impulses held; the arguments are those of `agree`.
+
+    Returns:
+        (dp, change, v, w): what that changes of its impulse, N s, and about of its velocity, m/s; the
+        velocities with it.
+    """
+    p = vec2(rows, c, P)
+    u = velocity(rows, c, mu, v, w)
+    k = six2(rows, c, K)
+    target = vec2(rows, c, TARGET)
+    # u without this contact's own impulse
+    own = (
+        k[0] * p[0] + k[1] * p[1] + k[2] * p[2],
+        k[1] * p[0] + k[3] * p[1] + k[4] * p[2],
+        k[2] * p[0] + k[4] * p[1] + k[5] * p[2],
+    )
+    b = (
+        u[0] - own[0] - target[0],
+        u[1] - own[1] - target[1],
+        u[2] - own[2] - target[2],
+    )
+    slip = (rows[c, SLIP], rows[c, SLIP + 1])
+    r = (u[1] - own[1] + mean_slip * slip[0], u[2] - own[2] + mean_slip * slip[1])
+    # held on target, it slips by half of this over the step
+    slip = (lasting * (slip[0] + target[1]), lasting * (slip[1] + target[2]))
+    p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r, (p[1], p[2]), slip)
+    dp = (p_new[0] - p[0], p_new[1] - p[1], p_new[2] - p[2])
+    put2(rows, c, P, p_new)
+    v, w = apply(rows, c, inv_m, mu, dp, v, w)
+    return dp, abs(dp[0]) * k[0] + abs(dp[1]) * k[3] + abs(dp[2]) * k[5], v, w
+
+
+@jit
+def agree(rows, n, inv_m, mu, several, mean_slip, lasting, v, w, sweeps, tolerance):
     """Sweep the single contact solve over n rows until their impulses agree.
 
     Two sweeps whose changes are alike show how the rest would go on, so every second one is
@@ -164,7 +200,8 @@ def agree(rows, n, inv_m, mu, mean_slip, lasting, v, w, sweeps, tolerance):
         rows: filled rows, with targets; their impulses P are the first guess, already in v and w.
         n: how many.
         inv_m: 1/m.
-        mu: friction coefficient.
+        mu: friction coefficient; None: left out.
+        several: None if there is never more than one row.
         mean_slip: 1.0: friction opposes the mean of the slip before and after; 0.0: the slip after.
         lasting: 1.0: a contact that lasts, whose friction works over the whole step; 0.0: a blow.
         v: velocity, body axes.
@@ -176,36 +213,17 @@ def agree(rows, n, inv_m, mu, mean_slip, lasting, v, w, sweeps, tolerance):
         (v, w, change): the velocities with the impulses in them, which are in the rows, and what the
         last sweep still changed, m/s.
     """
+    if several is None:
+        _dp, _change, v, w = block(rows, 0, inv_m, mu, mean_slip, lasting, v, w)
+        return v, w, 0.0
     change = 0.0
     fresh = False
     for sweep in range(sweeps):
         change = 0.0
         same, square = 0.0, 0.0
         for c in range(n):
-            p = vec2(rows, c, P)
-            u = velocity(rows, c, mu, v, w)
-            k = six2(rows, c, K)
-            target = vec2(rows, c, TARGET)
-            # u without this contact's own impulse
-            own = (
-                k[0] * p[0] + k[1] * p[1] + k[2] * p[2],
-                k[1] * p[0] + k[3] * p[1] + k[4] * p[2],
-                k[2] * p[0] + k[4] * p[1] + k[5] * p[2],
-            )
-            b = (
-                u[0] - own[0] - target[0],
-                u[1] - own[1] - target[1],
-                u[2] - own[2] - target[2],
-            )
-            slip = (rows[c, SLIP], rows[c, SLIP + 1])
-            r = (u[1] - own[1] + mean_slip * slip[0], u[2] - own[2] + mean_slip * slip[1])
-            # held on target, it slips by half of this over the step
-            slip = (lasting * (slip[0] + target[1]), lasting * (slip[1] + target[2]))
-            p_new = cone_impulse(k, six2(rows, c, INV_K), mu, b, r, (p[1], p[2]), slip)
-            dp = (p_new[0] - p[0], p_new[1] - p[1], p_new[2] - p[2])
-            put2(rows, c, P, p_new)
-            v, w = apply(rows, c, inv_m, mu, dp, v, w)
-            change = max(change, abs(dp[0]) * k[0] + abs(dp[1]) * k[3] + abs(dp[2]) * k[5])
+            dp, moved, v, w = block(rows, c, inv_m, mu, mean_slip, lasting, v, w)
+            change = max(change, moved)
             before = vec2(rows, c, STEP)
             put2(rows, c, STEP, dp)
             same += dot(dp, before)
@@ -227,6 +245,10 @@ def agree(rows, n, inv_m, mu, mean_slip, lasting, v, w, sweeps, tolerance):
                 v, w = apply(rows, c, inv_m, mu, dp, v, w)
             fresh = False
     return v, w, change
+
+
+# The same, called rather than copied where speed matters less.
+agree_later = stage(agree.py_func if hasattr(agree, "py_func") else agree)
 
 
 @jit
@@ -254,7 +276,7 @@ def no_gain(m, J, before, v0, w0, v1, w1):
 
 
 @stage
-def strike(rows, n, m, inv_m, J, mu, v, w, sweeps, tolerance):
+def strike(rows, n, m, inv_m, J, mu, several, v, w, sweeps, tolerance):
     """All rows are struck at once: Newton's restitution and Coulomb friction, without energy gain.
 
     The targets (−e times the velocity before, for every contact at once, so restitution does not
@@ -265,7 +287,7 @@ def strike(rows, n, m, inv_m, J, mu, v, w, sweeps, tolerance):
     before = kinetic_energy(m, J, v, w)
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
-    v1, w1, _change = agree(rows, n, inv_m, mu, 1.0, 0.0, v, w, sweeps, tolerance)
+    v1, w1, _change = agree_later(rows, n, inv_m, mu, several, 1.0, 0.0, v, w, sweeps, tolerance)
     if kinetic_energy(m, J, v1, w1) <= before:
         return v1, w1
 
@@ -273,7 +295,7 @@ def strike(rows, n, m, inv_m, J, mu, v, w, sweeps, tolerance):
     for k in range(n):
         put2(rows, k, P, (0.0, 0.0, 0.0))
         put2(rows, k, TARGET, (0.0, 0.0, 0.0))
-    v0, w0, _change = agree(rows, n, inv_m, mu, 0.0, 0.0, v, w, sweeps, tolerance)
+    v0, w0, _change = agree_later(rows, n, inv_m, mu, several, 0.0, 0.0, v, w, sweeps, tolerance)
     # Sweeps cut short may leave a gain: then stop on the way from no impulse at all.
     s, v0, w0 = no_gain(m, J, before, v, w, v0, w0)
     for k in range(n):

@@ -23,6 +23,8 @@ NAN = float("nan")
         (lambda: Body(1, [[1, 0.5, 0], [0, 1, 0], [0, 0, 1]], [(0, 0, 0)]), ["symmetric"]),
         (lambda: Body(1, (1, 1, 1), [(0, 0)]), ["hull", "(p, 3)", "(1, 2)"]),
         (lambda: Body(1, (1, 1, 1), np.zeros((0, 3))), ["hull", "p >= 1"]),
+        (lambda: Body(1, (1, 1, 1), [(0, 0, 1), (0, 0, 1)]), ["hull", "twice", "1.0"]),
+        (lambda: Body(1, (1, 1, 1), [(0, 0, NAN)]), ["hull must be finite"]),
         (lambda: Body(1, (1, 1, 1), [(0, 0, 0)], radius=-0.1), ["radius", ">= 0", "-0.1"]),
         (lambda: Body(1, (1, 1, 1), [(0, 0, 0)], radius=[1, 2]), ["radius", "(1,)", "(2,)"]),
         (lambda: Body.box(1, (1, 1, 1), radius=0.6), ["size", "2 radius"]),
@@ -52,6 +54,14 @@ NAN = float("nan")
         (
             lambda: simulate(SCENE, REST, 1, method="baumgarte", options={"beta": -1}),
             ["options['beta'] must be >= 0", "-1"],
+        ),
+        (
+            lambda: simulate(SCENE, REST, 1, method="exact", options={"tol": NAN}),
+            ["options['tol'] must be finite"],
+        ),
+        (
+            lambda: simulate(SCENE, REST, 1, method="exact", options={"tol": 0.0}),
+            ["options['tol'] must be > 0", "0"],
         ),
         (lambda: simulate(SCENE, REST, 1, threads=0), ["threads", ">= 1", "0"]),
         (lambda: simulate(SCENE, "here", 1), ["state must be a State", "here"]),

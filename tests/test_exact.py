@@ -4,10 +4,11 @@ from math import asin, cos, sqrt
 
 import numpy as np
 import pytest
-from oracle import random_quat, rotation, turned
+from oracle import random_body, random_quat, rotation, touching, turned
 from scipy.integrate import solve_ivp
 
-from solver import Body, Plane, Scene, SolverError, State, simulate
+from solver import Body, HeightField, Plane, Scene, SolverError, State, simulate
+from solver.painleve import critical_friction
 
 ZERO, UPRIGHT = [0.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0]
 
@@ -212,6 +213,21 @@ def test_painleves_rod_is_resolved_by_an_impulse():
             assert scene.gap(states(run)).min() > -1e-12
 
 
+def test_random_bodies_beyond_the_painleve_guard_are_resolved():
+    rng = np.random.default_rng(3)
+    for points in (1, 1, 1, 2, 2, 3, 3):
+        body = random_body(rng, points)
+        critical = critical_friction(body).min()
+        scene = Scene(body, friction=min(1.3 * critical, 8.0), restitution=rng.choice([0.0, 0.5]))
+        for _ in range(3):
+            quat = random_quat(rng)
+            state = State(touching(scene, quat), quat, 2 * rng.normal(size=3), 4 * rng.normal(size=3))
+            run = simulate(scene, state, 0.5, dt=0.02, method="exact")
+            gain = run.energy - np.minimum.accumulate(run.energy)
+            assert gain.max() <= 1e-12 * max(1.0, abs(run.energy[0]))
+            assert scene.gap(states(run)).min() > -1e-12
+
+
 def test_a_torque_in_flight_is_integrated_and_still_no_touch_is_missed():
     body = Body(1.0, (0.01, 0.02, 0.025), [(0.3, 0, 0), (-0.3, 0, 0), (0, 0, 0.2)])
     torque = np.array([0.05, -0.02, 0.03])
@@ -264,3 +280,32 @@ def test_a_run_that_cannot_go_on_says_so():
         simulate(
             scene, State([0, 0, 5.0], UPRIGHT, [1e308, 0, 0], ZERO), 1.0, method="exact", force=(1e300, 0, 0)
         )
+
+
+def test_over_a_height_field_it_flies_bounces_and_rolls():
+    ditch = HeightField.named("ditch")
+    scene = Scene(Body.sphere(1.0, 0.05), surface=ditch, friction=0.8)
+    x = np.array([0.1, 0.0, 1.0])
+    for _ in range(60):  # down to the surface, along the vertical
+        x[2] -= scene.gap(State(x, UPRIGHT, ZERO, ZERO))[0]
+    start = State(x, UPRIGHT, ZERO, ZERO)
+    rolls = simulate(scene, start, 1.0, dt=0.1, method="exact")
+    np.testing.assert_allclose(rolls.energy, rolls.energy[0], rtol=1e-13)
+    assert np.abs(scene.gap(states(rolls))).max() < 1e-14
+    fine = simulate(scene, start, 1.0, dt=1 / 2000)
+    np.testing.assert_allclose(rolls.state.x, fine.state.x, atol=1e-7)
+    scene = Scene(Body.sphere(1.0, 0.05), HeightField.named("bumpy"), friction=0.3, restitution=0.7)
+    falls = State([0.1, 0.3, 2.0], UPRIGHT, [1, 0.5, 0], [1, 2, 3])
+    bounces = simulate(scene, falls, 2.0, dt=0.05, method="exact")
+    assert (bounces.energy <= np.minimum.accumulate(bounces.energy) * (1 + 1e-12)).all()
+    assert scene.gap(states(bounces)).min() > -1e-12
+    fine = simulate(scene, falls, 2.0, dt=1 / 4000)
+    np.testing.assert_allclose(bounces.state.x, fine.state.x, atol=5e-3)
+
+
+def test_over_a_height_field_it_takes_one_contact_only():
+    scene = Scene(
+        Body.box(1.0, (0.2, 0.2, 0.1)), HeightField(np.zeros((8, 8)), 0.5, (-2, -2, 0)), friction=0.5
+    )
+    with pytest.raises(SolverError, match="one touching point at a time"):
+        simulate(scene, State([0, 0, 0.06], UPRIGHT, ZERO, ZERO), 1.0, method="exact")

@@ -42,6 +42,26 @@ def test_no_impact_creates_energy(seed):
     assert (np.hypot(p[:, 0], p[:, 1]) <= scene.friction * p[:, 2] * (1 + 1e-9) + 1e-12).all()
 
 
+def test_no_impact_of_a_million_creates_energy():
+    """One point, 100 bodies, 10,000 impacts each; Newton's law by itself would gain in one of a hundred."""
+    rng = np.random.default_rng(7)
+    n = 10_000
+    struck = 0
+    for _ in range(100):
+        scene = Scene(
+            random_body(rng), gravity=ZERO, friction=rng.uniform(0.01, 3), restitution=rng.uniform(0.01, 1)
+        )
+        quats = rng.normal(size=(n, 4))
+        quats /= np.linalg.norm(quats, axis=1, keepdims=True)
+        x = np.zeros((n, 3))
+        x[:, 2] = -scene.gap(State(x, quats, x, x)).min(axis=1)
+        state = State(x, quats, rng.normal(size=(n, 3)) - [0, 0, 2], 3 * rng.normal(size=(n, 3)))
+        run = simulate(scene, state, 1e-9, dt=1e-9)
+        assert (run.energy[1] <= run.energy[0] * (1 + 1e-12)).all()
+        struck += (run.v[1] != run.v[0]).any(axis=1).sum()
+    assert struck > 500_000
+
+
 @pytest.mark.parametrize("e", [0.0, 0.5, 1.0])
 def test_restitution_does_not_stack_over_the_points_of_one_touch(e):
     """The same flat drop on 1, 2, 4 and 12 points rebounds at the same speed, without spin."""

@@ -9,6 +9,28 @@ from solver import Body, Plane, Scene, State, simulate
 ZERO = [0.0, 0.0, 0.0]
 
 
+def test_a_minute_of_turning_over_agrees_with_the_closed_form():
+    scene = Scene(Body(1.0, (1e-3, 2e-3, 2.5e-3), [(0, 0, 0.1)]), gravity=ZERO)
+    state = State([0, 0, 5.0], [1, 0, 0, 0], ZERO, [0.01, 10.0, 0.01])
+    answer = simulate(scene, state, 60.0, dt=60.0, method="exact").state.quat
+    run = simulate(scene, state, 60.0, record_every=240)
+    assert 2 * np.linalg.norm(run.state.quat - answer * np.sign(run.state.quat @ answer)) < 1e-4
+    np.testing.assert_allclose(run.energy, run.energy[0], rtol=1e-11)
+    L = scene.angular_momentum(State(run.x, run.quat, run.v, run.w))
+    np.testing.assert_allclose(L, np.tile(L[0], (len(L), 1)), atol=1e-11 * np.linalg.norm(L[0]))
+
+
+def test_a_bouncing_ball_comes_to_rest():
+    """After √(2h/g)(1 + e)/(1 − e)."""
+    e = 0.8
+    scene = Scene(Body.sphere(1.0, 0.1), restitution=e)
+    run = simulate(scene, State([0, 0, 1.1], [1, 0, 0, 0], ZERO, ZERO), 6.0)
+    moving = np.flatnonzero(np.abs(run.v[:, 2]) > 1e-9)
+    first_at_rest = run.t[moving[-1] + 1]
+    assert first_at_rest == pytest.approx(np.sqrt(2 / 9.81) * (1 + e) / (1 - e), rel=1e-3)
+    assert abs(run.x[-1, 2] - 0.1) < 1e-6
+
+
 def test_housners_block_rocks_as_long_and_loses_as_much_as_he_says():
     """Quarter period by quadrature of θ̈ = −p² sin(α − θ); energy ratio (1 − 1.5 sin²α)² (Housner 1963)."""
     b, h, y = 0.1, 0.3, np.array([0.0, 1.0, 0.0])

@@ -228,10 +228,10 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
             )
     solvable = True
     if count == 1:
-        k = 0.0
+        D = 0.0  # N·K(N − μs)
         for i in range(6):
-            k += A[0, i] * V[0, i]
-        solvable = k > 0.0
+            D += A[0, i] * V[0, i]
+        solvable = D > 0.0
     return x_ddot, w_ddot, solvable
 
 

@@ -173,7 +173,7 @@ def blows(body, hull, ground, law, y, contacts, soft, space):
         put2(rows, c, TARGET, (-e * u if u < -STILL and not soft else 0.0, 0.0, 0.0))
     x, quat, v, w = load(y)
     R = matrix(quat)
-    v_b, w = strike(rows, n, m, inv_m, J, mu, to_body(R, v), w, BLOW_SWEEPS, BLOW_AGREED)
+    v_b, w = strike(rows, n, m, inv_m, J, mu, True, to_body(R, v), w, BLOW_SWEEPS, BLOW_AGREED)
     store(y, x, quat, to_world(R, v_b), w)
     for c in range(n):
         y[SIZE + int(rows[c, POINT])] += rows[c, P]
