@@ -50,7 +50,7 @@ def on(scene, height=0.0, quat=UPRIGHT, v=ZERO, w=ZERO, at=(0.3, 0.2)):
 
 
 def lawful(scene, state, duration, method="impulse", dt=1 / 60, torque=ZERO, **more):
-    """The motion (T, 13) of a run that stays finite, above the ground, and gains no more than the torque's work."""
+    """The motion (T, 13) of a run; it is finite, above ground, and gains no more than the torque's work."""
     run = simulate(scene, state, duration, dt, method, torque=torque, **more)
     motion = np.concatenate([run.x, run.quat, run.v, run.w], -1)
     assert np.isfinite(motion).all()
