@@ -64,12 +64,6 @@ NOTHING = (0.0, 0.0, 0.0)
 
 
 @jit
-def frame_in_body(plane, R):
-    """(N, t1, t2) in body axes."""
-    return to_body(R, plane[0]), to_body(R, plane[1]), to_body(R, plane[2])
-
-
-@jit
 def begin(rows, c, hull, k, field, view):
     """Begin row c for hull point k."""
     R, _x, frame, _height = view

@@ -83,14 +83,6 @@ def arm(hull, k, N_b):
 
 
 @jit
-def closing_speed(hull, k, plane, R, v, w):
-    """Eq. 8's v of hull point k, m/s."""
-    N_b = to_body(R, plane[0])
-    _b, q = arm(hull, k, N_b)
-    return normal_speed(N_b, q, to_body(R, v), w)
-
-
-@jit
 def seen(ground, R, x):
     """The ground from a pose: R, x, the plane's (N, t1, t2) in body axes, and the height of x over it."""
     frame = (to_body(R, ground[0]), to_body(R, ground[1]), to_body(R, ground[2]))
