@@ -27,7 +27,7 @@ class Body:
 
     Raises:
         ValueError: wrong shape, not finite, m <= 0, J not symmetric positive or not that of any
-            mass distribution (J1 + J2 < J3), a hull point given twice, negative radius.
+            mass distribution (J1 + J2 < J3), negative radius.
     """
 
     def __init__(self, m, J, hull, radius=0.0):
@@ -43,8 +43,6 @@ class Body:
         self.hull = finite("hull", hull)
         if self.hull.ndim != 2 or self.hull.shape[1] != 3 or len(self.hull) == 0:
             raise ValueError(f"hull must have shape (p, 3) with p >= 1, got {self.hull.shape}")
-        if len(np.unique(self.hull, axis=0)) < len(self.hull):
-            raise ValueError(f"hull must not hold a point twice, got {self.hull.tolist()}")
         radius = finite("radius", radius)
         if radius.shape not in ((), (len(self.hull),)):
             raise ValueError(f"radius must be a scalar or have shape ({len(self.hull)},), got {radius.shape}")

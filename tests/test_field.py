@@ -350,10 +350,6 @@ FLAT = np.zeros((4, 4))
             ["radius must be <= 1.79", "radii of curvature down to 2.24", "3"],
         ),
         (lambda: Scene(Body.sphere(1, 1.0), "hill"), ["Plane or a HeightField", "hill"]),
-        (
-            lambda: simulate(Scene(Body.sphere(1, 0.1), DITCH), on(DITCH, 0, 0, 0.1), 1, method="exact"),
-            ["'exact' takes a Plane only", "HeightField"],
-        ),
     ],
 )
 def test_bad_input(call, words):
