@@ -41,6 +41,7 @@ COST = {
     "restitution": 0,
     "gyroscopic": 20,
     "sweep": 0,
+    "curvature": 430,
     "contact work": 280,
     "steps at rest": 310,
 }

@@ -14,6 +14,7 @@ from solver.body import Body
 from solver.impulse import run, step
 from solver.model import MEMORY, load, store, unpack
 from solver.scene import Scene, State, to_kernel
+from solver.surface import HeightField
 from solver.sweep import WIDTH
 from solver.terms import Law, full
 
@@ -71,11 +72,16 @@ def costs() -> dict[str, tuple[float, float]]:
 
     rough = Scene(box, friction=0.5)
     law = full(0.5, 0.0)
+    level = HeightField(np.zeros((2, 2)), 1000.0)
     pairs = {
         "friction": left_out(Scene(box), slides, 0),
         "restitution": left_out(rough, slides, 1),
         "gyroscopic": left_out(Scene(cube, friction=0.5), flies, 2),
         "sweep": left_out(Scene(ball, friction=0.5), rolls, 3),
+        "curvature": (
+            lambda: timed(Scene(ball, level, friction=0.5), rolls, law),
+            lambda: timed(Scene(ball, friction=0.5), rolls, law),
+        ),
         "contact work": (
             lambda: timed(rough, flies, law, bound=np.inf),
             lambda: timed(rough, flies, law),
