@@ -275,6 +275,13 @@ def margin(mu, contacts, rows, n):
     return least
 
 
+@jit
+def place_of(hull, rows, c, R, x):
+    """Where contact c's sharp point is along its tangents, m."""
+    r1 = add(x, to_world(R, vec2(hull, int(rows[c, POINT]), 0)))
+    return dot(to_world(R, vec2(rows, c, AXES + 3)), r1), dot(to_world(R, vec2(rows, c, AXES + 6)), r1)
+
+
 @stage
 def keep(body, hull, ground, mu, y, contacts, space):
     """Put y back where its constraints hold: the pose first, then the velocities. Returns how many."""
@@ -300,9 +307,8 @@ def keep(body, hull, ground, mu, y, contacts, space):
             worst = max(worst, abs(r[i]))
             i += 1
             if equations_of(hull, contacts, k, POSE) == 3:
-                r1 = add(x, to_world(R, vec2(hull, k, 0)))
-                r[i] = contacts[k, 1] - dot(to_world(R, vec2(rows, c, AXES + 3)), r1)
-                r[i + 1] = contacts[k, 2] - dot(to_world(R, vec2(rows, c, AXES + 6)), r1)
+                at1, at2 = place_of(hull, rows, c, R, x)
+                r[i], r[i + 1] = contacts[k, 1] - at1, contacts[k, 2] - at2
                 worst = max(worst, abs(r[i]), abs(r[i + 1]))
                 i += 2
         if worst <= finest:

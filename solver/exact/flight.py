@@ -122,6 +122,16 @@ def ascent(field, z, speed, bend, bound, jerk, still):
     return falls(z + HOVER, max(speed, 0.0), -bound)
 
 
+@jit
+def flown(hull, k, field, view, a_b, v_b, w, w_dot):
+    """(z, z', z'') of hull point k's gap in flight; vectors in body axes, `view` as of `model.seen`."""
+    b = vec2(hull, k, 0)
+    z, N_b, H = meet(hull, k, field, view)
+    speed = dot(N_b, add(v_b, cross(w, b)))
+    bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b))) + bending(field, H, view[0], b, v_b, w)
+    return z, speed, bend
+
+
 @stage
 def march(body, hull, ground, anchor, a, x, v, t_min, near, t_max):
     """`first_touch`, and the number of poses that it took."""
@@ -150,9 +160,7 @@ def march(body, hull, ground, anchor, a, x, v, t_min, near, t_max):
             span, fast = horizon(field, pull, sqrt(dot(v1, v1)) + spin * body[4], body[4])
             for k in range(hull.shape[0]):
                 b = vec2(hull, k, 0)
-                z, N_b, H = meet(hull, k, field, view)
-                speed = dot(N_b, add(v_b, cross(w, b)))
-                bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b))) + bending(field, H, R, b, v_b, w)
+                z, speed, bend = flown(hull, k, field, view, a_b, v_b, w, w_dot)
                 reach = sqrt(dot(b, b))
                 bound = BEND * spin2 * reach + most(field, aN, pull) + hollow(field, fast)
                 if not abs(z) + abs(speed) + abs(bend) < inf:

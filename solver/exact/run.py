@@ -13,8 +13,8 @@ from math import inf, sqrt
 
 import numpy as np
 
-from ..algebra import add, cross, dot, entry, jit, matrix, put2, stage, to_body, to_world, vec, vec2
-from ..contact import centripetal, gyroscopic, push
+from ..algebra import dot, entry, jit, matrix, put2, stage, to_body, to_world, vec, vec2
+from ..contact import gyroscopic, push
 from ..model import (
     CROWDED,
     MEMORY,
@@ -22,22 +22,20 @@ from ..model import (
     OK,
     STUCK,
     TOUCH,
-    bending,
     gap_of,
     is_finite,
     load,
-    meet,
     seen,
     speed_of,
     store,
     unpack,
 )
-from ..sweep import AXES, POINT, SLIP, TARGET, K, P, Q, in_body, six2, strike
+from ..sweep import POINT, SLIP, TARGET, K, P, Q, in_body, six2, strike
 from .attitude import anchor
-from .constraint import FREE, SLIDES, STICKS, STILL, closed_rows, keep, rates, workspace
+from .constraint import FREE, SLIDES, STICKS, STILL, closed_rows, keep, place_of, rates, workspace
 from .decide import OK as SETTLED
 from .decide import decide
-from .flight import JERK, first_touch, fly
+from .flight import JERK, first_touch, flown, fly
 from .impact import impact
 from .segment import BROKEN, DONE, JAM, SIZE, segment
 
@@ -123,12 +121,8 @@ def brief_hop(body, hull, ground, a, x, quat, v, w, spin2):
     soonest, point = inf, -1
     for k in range(hull.shape[0]):
         b = vec2(hull, k, 0)
-        gap, N_b, H = meet(hull, k, field, view)
-        if abs(gap) > TOUCH:
-            continue
-        speed = dot(N_b, add(v_b, cross(w, b)))
-        bend = dot(N_b, add(a_b, centripetal(w, w_dot, b, b))) + bending(field, H, R, b, v_b, w)
-        if speed > 0.0 and bend < 0.0:
+        z, speed, bend = flown(hull, k, field, view, a_b, v_b, w, w_dot)
+        if abs(z) <= TOUCH and speed > 0.0 and bend < 0.0:
             t = -2.0 * speed / bend
             jerk = JERK * spin2 * sqrt(spin2) * sqrt(dot(b, b))
             if t * jerk < -(BRIEF if speed > TOUCH else BRIEF_FROM_STILL) * bend and t < soonest:
@@ -214,9 +208,7 @@ def anchor_points(body, hull, ground, mu, y, contacts, space):
     for c in range(n):
         k = int(rows[c, POINT])
         if contacts[k, 0] == STICKS:
-            r1 = add(x, to_world(R, vec2(hull, k, 0)))
-            contacts[k, 1] = dot(to_world(R, vec2(rows, c, AXES + 3)), r1)
-            contacts[k, 2] = dot(to_world(R, vec2(rows, c, AXES + 6)), r1)
+            contacts[k, 1], contacts[k, 2] = place_of(hull, rows, c, R, x)
 
 
 @jit

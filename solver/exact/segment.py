@@ -55,7 +55,7 @@ def attempt(body, hull, ground, mu, a, torque, y, h, contacts, space, stages, y1
     Returns:
         (error of the worst component, the margin at the end, the least one seen at a stage).
     """
-    seen = inf
+    least = inf
     for i in range(1, STAGES + 1):
         for s in range(y.size):
             total = 0.0
@@ -64,7 +64,7 @@ def attempt(body, hull, ground, mu, a, torque, y, h, contacts, space, stages, y1
             y1[s] = y[s] + h * total
         if i < STAGES:
             m, _n = rates(body, hull, ground, mu, a, torque, y1, contacts, space, stages[i])
-            seen = min(seen, m)
+            least = min(least, m)
     length, fast, spin, _weight = scales(body, a, torque, y)
     worst = 0.0
     for s in range(SIZE):
@@ -85,7 +85,7 @@ def attempt(body, hull, ground, mu, a, torque, y, h, contacts, space, stages, y1
         end, _n = rates(body, hull, ground, mu, a, torque, y1, contacts, space, stages[STAGES])
     else:
         end = -inf
-    return worst, end, seen
+    return worst, end, least
 
 
 @jit
@@ -213,7 +213,7 @@ def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space,
             for k in range(hull.shape[0]):
                 if contacts[k, 0] == SLIDES:
                     contacts[k, 1], contacts[k, 2] = slips[k, 0], slips[k, 1]
-            error, end, seen = attempt(
+            error, end, least = attempt(
                 body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1
             )
             if not error <= tol:
@@ -226,7 +226,7 @@ def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space,
             event = end < -PULLS * weight or lowest_free(hull, ground, y1, contacts) < -SUNK
             if event:
                 break
-            if seen < -PULLS * weight and step > 1e3 * floor:
+            if least < -PULLS * weight and step > 1e3 * floor:
                 step *= 0.5
                 continue
             if not certain(hull, ground, y, y1, step, contacts, stages):
@@ -240,7 +240,7 @@ def segment(body, hull, ground, mu, a, torque, y, contacts, span, h, tol, space,
                 step = 0.5 * (low + high)
                 if high - low <= 1e-16 * (1.0 + high) or step <= low or step >= high:
                     break
-                _error, end, seen = attempt(
+                _error, end, _least = attempt(
                     body, hull, ground, mu, a, torque, y, step, contacts, space, stages, y1
                 )
                 if end < -PULLS * weight or lowest_free(hull, ground, y1, contacts) < 0.0:
