@@ -24,7 +24,7 @@ METHODS = {
 }
 """Name of each method: what it is."""
 
-_KERNELS = {
+KERNELS = {
     "acceleration": acceleration.run,
     "baumgarte": baumgarte.run,
     "impulse": impulse.run,
@@ -37,7 +37,7 @@ _OPTIONS: dict[str, dict[str, bool | float]] = {
     "exact": {"tol": exact.TOL},
 }
 _LIMITS = {"tol": {"above": 0.0}}
-_EXTRA = {"exact": exact.EXTRA}
+EXTRA = {"exact": exact.EXTRA}
 _REASONS = {
     NOT_FINITE: "the state is no longer finite; a smaller dt may help",
     CROWDED: "over a height field 'exact' serves one touching point at a time; 'impulse' takes several",
@@ -124,7 +124,7 @@ def simulate(
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:
         raise ValueError(f"threads must be a whole number >= 1, got {threads!r}")
-    flags = _options(method, options)
+    flags = option_values(method, options)
     force_at = _schedule("force", force)
     torque_at = _schedule("torque", torque)
     _refuse_deep(scene, state, exactly=method == "exact")
@@ -137,7 +137,7 @@ def simulate(
 
     body, points = scene.body, len(scene.body.hull)
     rows = to_kernel(body, state)
-    memory = np.zeros((len(rows), points + _EXTRA.get(method, 0), MEMORY))
+    memory = np.zeros((len(rows), points + EXTRA.get(method, 0), MEMORY))
     times = [0.0]
     history = [rows.copy()]
     forces = [np.zeros((len(rows), points))]
@@ -160,9 +160,8 @@ def simulate(
             index = j if state.x.ndim == 2 else None
             raise SolverError(_REASONS[flag], t, from_kernel(body, rows[j]), index)
 
-    kernel = _KERNELS[method]
-    # the other methods, which are there to be compared, leave nothing out
-    what = (*scene.parameters[:3], scene.law) if method == "impulse" else scene.parameters
+    kernel = KERNELS[method]
+    what = kernel_arguments(scene, method)
     with ThreadPoolExecutor(threads) as pool:  # it starts no thread before it has work
         run_all(0, dt, 0.0, forces[0])
         for start in starts:
@@ -194,6 +193,12 @@ def simulate(
     return run
 
 
+def kernel_arguments(scene: Scene, method: str) -> tuple:
+    """The scene as the first arguments of a method's kernel."""
+    # the other methods, which are there to be compared, leave nothing out
+    return (*scene.parameters[:3], scene.law) if method == "impulse" else scene.parameters
+
+
 def _schedule(name: str, value: object) -> Callable[[float], np.ndarray]:
     """A function of t, checked, from a callable, a constant or None."""
     if callable(value):
@@ -202,7 +207,7 @@ def _schedule(name: str, value: object) -> Callable[[float], np.ndarray]:
     return lambda t: constant
 
 
-def _options(method: str, options: dict | None) -> np.ndarray:
+def option_values(method: str, options: dict | None) -> np.ndarray:
     """The method's options as its kernel takes them."""
     known = _OPTIONS[method]
     for name, value in (options or {}).items():
