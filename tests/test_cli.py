@@ -88,7 +88,7 @@ def test_errors_are_one_line(arguments, words, tmp_path):
 def test_version_and_help(tmp_path):
     assert flipcar("--version", cwd=tmp_path).stdout == f"flipcar {flipcar_env.__version__}\n"
     text = flipcar("--help", cwd=tmp_path).stdout
-    for command in ("demo", "train", "eval", "play", "view", "chart", "bench", "warmup"):
+    for command in ("demo", "train", "eval", "play", "view", "chart", "settings", "bench", "warmup"):
         assert command in text
         assert flipcar(command, "--help", cwd=tmp_path).stdout
 

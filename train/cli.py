@@ -1,4 +1,4 @@
-"""The command line: `flipcar demo | train | eval | play | view | chart | bench | warmup`."""
+"""The command line: `flipcar demo | train | eval | play | view | chart | settings | bench | warmup`."""
 
 import json as json_module
 import os
@@ -150,35 +150,107 @@ def view(file: tyro.conf.Positional[Path], /) -> None:
 
 
 def chart(
-    scene: tyro.conf.Positional[Literal["tosses"]],
+    scenes: tyro.conf.Positional[tuple[str, ...]] = (),
     /,
+    peers: bool = False,
+    quick: bool = False,
+    out: Path = Path("flipcar-chart"),
+    redraw: bool = False,
     data: Path | None = None,
-    model: Literal["recorded"] = "recorded",
+    model: Literal["recorded", "corrected"] | None = None,
     json: bool = False,
 ) -> None:
-    """Measure the solver on a scene.
+    """Chart speed against accuracy, map where methods fail, and meet real impacts.
+
+    What is done is kept: after Ctrl-C, the same command goes on from there. `flipcar chart tosses` with --model,
+    --json or a file prints how well real tosses are met.
 
     Args:
-        scene: tosses: real tosses of a cube, rolled out from their first frame.
-        data: the file; cube_tosses.npz in the folder $FLIPCAR_DATA unless given.
-        model: recorded: the data as it is.
-        json: print JSON.
+        scenes: names of scenes, and of the studies stability, ladder, reference, tosses, ellipses; all
+            unless given.
+        peers: other engines, too: those that are installed.
+        quick: a coarse look at everything.
+        out: folder for results, figures and report.
+        redraw: measure nothing; draw again what the folder has, of whatever machine.
+        data: folder with the real impacts; $FLIPCAR_DATA unless given. Or a file of tosses.
+        model: of tosses; recorded: the data as it is; corrected: its lengths put right, the start refitted,
+            the better contact model.
+        json: of tosses: print JSON.
     """
+    folder = os.environ.get("FLIPCAR_DATA")
+    data = data or (Path(folder) if folder else None)
+    if scenes == ("tosses",) and (json or model or data is None or data.suffix == ".npz"):
+        _tosses(data, model or "recorded", json)
+        return
+    try:
+        import matplotlib  # noqa: F401
+        import scipy  # noqa: F401
+    except ImportError:
+        sys.exit("flipcar chart needs matplotlib and scipy: pip install 'flipcar[chart]'")
+    from solver.chart import study
+
+    bars: list[tqdm] = []
+
+    def progress(title: str, pieces: int) -> Callable[[], None]:
+        bars.append(tqdm(total=pieces, desc=title, unit="piece"))
+        return bars[-1].update
+
+    try:
+        if not redraw:
+            study.measure(scenes, peers, quick, out, data, progress, say=tqdm.write)
+    except KeyboardInterrupt:
+        sys.exit(f"stopped; what is done is kept in {out}, and the same command goes on from there")
+    finally:
+        for bar in bars:
+            bar.close()
+    print(f"report: {study.draw(out)}")
+
+
+def _tosses(data: Path | None, model: str, json: bool) -> None:
+    """Roll real tosses out, and print how far off they are."""
     from solver.chart import tosses
 
     if data is None:
-        folder = os.environ.get("FLIPCAR_DATA")
-        if not folder:
-            raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
-        data = Path(folder) / "cube_tosses.npz"
-    loaded = tosses.load(data)
-    result = tosses.summary(tqdm(tosses.errors(loaded), total=len(loaded.frames), unit="toss", disable=json))
+        raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
+    loaded = tosses.load(data / "cube_tosses.npz" if data.is_dir() else data)
+    each = tosses.errors(loaded, model)
+    result = tosses.summary(tqdm(each, total=len(loaded.frames), unit="toss", disable=json))
     if json:
         print(json_module.dumps(result))
-    else:
-        print(f"{result['n']} tosses as {model}, μ = {tosses.FRICTION}, e = {tosses.RESTITUTION}")
-        print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
-        print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
+        return
+    print(f"{result['n']} tosses as {model}")
+    print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
+    print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
+
+
+def settings(quick: bool = False, out: Path = Path("flipcar-settings"), redraw: bool = False) -> None:
+    """Find the cheapest step and method of the environment whose error no policy could notice.
+
+    What is done is kept: after Ctrl-C, the same command goes on from there.
+
+    Args:
+        quick: a coarse look.
+        out: folder for results and figure.
+        redraw: measure nothing; conclude and draw again from what the folder has.
+    """
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        sys.exit("flipcar settings needs matplotlib: pip install 'flipcar[chart]'")
+    from solver.chart import store
+
+    from . import settings_plot
+    from .settings import cells
+    from .settings_verdict import verdict
+
+    if not redraw:
+        store.claim(out, quick)
+        jobs = [(key, lambda job=job: [job()]) for key, job in cells(quick)]
+        with tqdm(total=len(jobs), unit="piece") as bar:
+            store.fill(out / "settings.csv", jobs, bar.update)
+    rows = store.read(out / "settings.csv")
+    settings_plot.draw(rows, out / "settings.svg")
+    print(verdict(rows))
 
 
 def bench(rounds: int = 30, json: bool = False) -> None:
@@ -233,6 +305,7 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "play": play,
     "view": view,
     "chart": chart,
+    "settings": settings,
     "bench": bench,
     "warmup": warmup,
 }
