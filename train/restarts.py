@@ -57,7 +57,7 @@ def rounded_car() -> Body:
 
 def runs() -> dict[str, tuple[Scene, State, np.ndarray | None]]:
     """Of each scene: itself, where its run starts (the lowest point a millimetre up), the torque."""
-    rough = Scene(Body.box(50.0, (0.6, 0.8, 1.0)), friction=0.5)
+    rough = Scene(Body.box(50.0, (0.6, 0.8, 1.0)), friction=0.8)
     ground = Scene(rounded_car(), friction=car.FRICTION, restitution=car.RESTITUTION)
     starts = {
         "box": (rough, attitude(0.5, 0.3, 0.2), [6, 1, 0], [1, 9, 2], None),

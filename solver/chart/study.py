@@ -86,11 +86,8 @@ def measure(
         chosen = sweep.best(read(out / "sweep.csv"), {name: p.wrong for name, p in problems().items()})
 
         def set_for(problem: Problem) -> list[engine.Engine]:
-            return [
-                make(peer.name, **chosen.get((problem.name, peer.name), {}))
-                for peer in others
-                if peer.refuses(problem.scene) is None
-            ]
+            best = [make(peer.name, **chosen.get((problem.name, peer.name), {})) for peer in others]
+            return [peer for peer in best if peer.refuses(problem.scene) is None]
 
         do("work-precision", "precision.csv", list(precision.cells(some, set_for, quick)))
     if every or "stability" in asked:

@@ -51,8 +51,9 @@ def cells(
 
     for problem in problems:
         for name, settings in peers.items():
-            if make(name).refuses(problem.scene) is None:
-                chosen = settings[:TRIED_WHEN_QUICK] if quick else settings
+            chosen = [some for some in settings if make(name, **some).refuses(problem.scene) is None]
+            if chosen:
+                chosen = chosen[:TRIED_WHEN_QUICK] if quick else chosen
                 yield (problem.name, name), lambda p=problem, n=name, s=chosen: tries(p, n, s)
 
 
