@@ -86,7 +86,7 @@ def roomiest(p: np.ndarray, idle: np.ndarray, modes: list, mu: float) -> np.ndar
 
 
 def directions(slip: Callable, n: int) -> list[np.ndarray]:
-    """Angles (n,) at which n points slip along their own directions; just one, (0,), if there are no points."""
+    """Angles (n,) at which n points slip along their own directions; if n = 0, the one there is, (0,)."""
     found: list[np.ndarray] = [] if n else [np.zeros(0)]
     around = np.linspace(-np.pi, np.pi, STARTS.get(n, 2), endpoint=False)
     for start in product(around, repeat=n) if n else ():

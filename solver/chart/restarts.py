@@ -40,7 +40,6 @@ class Restarts:
 
     Attributes:
         name: short.
-        title: for a figure.
         scene: body, plane and laws.
         starts: (k, ...).
         times: (k,) s, when the run passed them.
@@ -51,7 +50,6 @@ class Restarts:
     """
 
     name: str
-    title: str
     scene: Scene
     starts: State
     times: np.ndarray
@@ -59,6 +57,11 @@ class Restarts:
     records: int
     torque: np.ndarray | None
     answer: State
+
+    @property
+    def title(self) -> str:
+        """For a figure."""
+        return TITLES[self.name]
 
 
 def to_rows(state: State) -> np.ndarray:
@@ -78,7 +81,7 @@ def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
 
 
 def error(problem: Restarts, final: State) -> np.ndarray:
-    """(k,) √((|Δx|/R)² + θ²): place over the bounding radius R, and attitude, rad. A chart shows its median."""
+    """(k,) √((|Δx|/R)² + θ²): place over the bounding radius R, and attitude, rad. Charts show its median."""
     place = np.linalg.norm(final.x - problem.answer.x, axis=-1) / problem.scene.body.bounding_radius
     return np.hypot(place, angle(final.quat, problem.answer.quat))
 
@@ -90,21 +93,21 @@ def save(path: Path, all_problems: list[Restarts]) -> None:
         body, scene = problem.scene.body, problem.scene
         values = {
             "m": body.m, "J": body.J, "hull": body.hull, "radius": body.radius,
-            "normal": scene.surface.normal, "gravity": scene.gravity,
+            "normal": scene.surface.parameters[:3], "gravity": scene.gravity,
             "law": [scene.friction, scene.restitution],
             "starts": to_rows(problem.starts), "times": problem.times, "duration": problem.duration,
             "records": problem.records, "answer": to_rows(problem.answer),
             "torque": np.zeros((0, 3)) if problem.torque is None else problem.torque,
         }  # fmt: skip
         arrays.update({f"{problem.name}/{key}": np.asarray(value) for key, value in values.items()})
-    np.savez_compressed(path, **arrays)
+    np.savez_compressed(path, allow_pickle=False, **arrays)
 
 
 def problems(path: Path = FILE) -> list[Restarts]:
     """The three scenes, in the order of TITLES."""
     found = []
     with np.load(path, allow_pickle=False) as data:
-        for name, title in TITLES.items():
+        for name in TITLES:
             what = {key.removeprefix(f"{name}/"): data[key] for key in data if key.startswith(f"{name}/")}
             scene = Scene(
                 Body(float(what["m"]), what["J"], what["hull"], what["radius"]),
@@ -112,7 +115,7 @@ def problems(path: Path = FILE) -> list[Restarts]:
             )  # fmt: skip
             found.append(
                 Restarts(
-                    name, title, scene, from_rows(what["starts"]), what["times"], float(what["duration"]),
+                    name, scene, from_rows(what["starts"]), what["times"], float(what["duration"]),
                     int(what["records"]), what["torque"] if len(what["torque"]) else None,
                     from_rows(what["answer"]),
                 )

@@ -12,9 +12,10 @@ from typing import Any
 import numpy as np
 
 from solver.chart.engine import Engine, EngineError, Ours
+from solver.chart.stability_case import COARSEST, Case
 from solver.chart.stability_limits import limit
 from solver.chart.stability_naive import NAIVE, Naive
-from solver.chart.stability_scenes import CASES, COARSEST, Case
+from solver.chart.stability_scenes import CASES
 
 LADDER = tuple(COARSEST * 2**n for n in range(9, -1, -1))
 """Steps a second, the shortest step first."""

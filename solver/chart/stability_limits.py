@@ -7,19 +7,10 @@ from collections.abc import Callable
 
 import numpy as np
 
+from solver.chart.stability_case import Case, g, whole
 from solver.chart.stability_naive import BETA
-from solver.chart.stability_scenes import (
-    BASE,
-    BULLET,
-    DIP,
-    HALF_ROD,
-    LEAN,
-    TOP_TILT,
-    Case,
-    TOP_l,
-    g,
-    precession,
-)
+from solver.chart.stability_several import BASE, DIP, HALF_ROD, LEAN
+from solver.chart.stability_single import BULLET, TOP_TILT, TOP_l, precession
 
 STEP, H = "dt", 1 / 240
 """What a step's limit is filed under; and the step, s, where the scene's parameter is varied."""
@@ -99,7 +90,8 @@ def limit(method: str, case: Case, varied: str) -> float | None:
         # it bounces for ever with e g h/(1 − e): 1 cm/s
         ("Newton's e every step", "settling-ball"): (0.01 * (1.0 - x) / (x * g), 0.01 / (0.01 + g * H)),
         ("no stabilisation", "top"): (1e-3 / drift(x), None),
-        ("tests at step ends", "bullet"): (BULLET / x, BULLET / H),
+        # found up to v h deep, and then g h² deeper each step
+        ("tests at step ends", "bullet"): (BULLET / (x + g * whole(0.5)), BULLET / H - g * whole(0.5)),
         ("tests at step ends", "dip"): (
             float(np.arccos(1.0 - DIP / HALF_ROD)) / x,
             float(np.arccos(1.0 - DIP / HALF_ROD)) / H,

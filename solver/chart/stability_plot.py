@@ -1,6 +1,6 @@
 """The stability map as a picture, from its rows alone."""
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,8 +13,8 @@ STEP = "dt"
 SCALE = LinearSegmentedColormap.from_list("map", ["#f6d9a8", "#f3eec4", "#bfe0c0", "#6bb58f"])
 NEVER, REFUSED = "#e9a59b", "#f2f2f2"
 INK, FAINT = "#222222", "#8a8a8a"
-WIDTH, ROW, WIDEST = 9.0, 0.27, 11
-"""Inches: of the picture, and the height of a row; and the most letters in a line of a column's head."""
+WIDTH, ROW = 9.0, 0.27
+"""Inches: of the picture, and the height of a row."""
 
 Row = Mapping[str, Any]
 
@@ -22,8 +22,8 @@ Row = Mapping[str, Any]
 def draw(rows: Iterable[Row], path: str | Path) -> list[Path]:
     """Draw the map: method by scene for the largest step, then for the hardest scene; then the naive methods.
 
-    A cell's colour says how far along what was tried the method came. A number below a bar is the limit
-    known beforehand.
+    A cell's colour says how far along what was tried the method came; a red edge, that it fails at shorter
+    steps or in easier scenes than those named. A number behind a bar is the limit known beforehand.
 
     Args:
         rows: of `stability.study`, or as read from CSV.
@@ -59,28 +59,29 @@ def draw(rows: Iterable[Row], path: str | Path) -> list[Path]:
     return files
 
 
-def text(row: Row, value: Any) -> str:
+def text(row: Row, value: Any, digits: int = 4) -> str:
     """A step as a fraction, a parameter as it is."""
-    return f"1/{round(1 / float(value))}" if row["varied"] == STEP else f"{float(value):.3g}"
+    return f"1/{round(1 / float(value))}" if row["varied"] == STEP else f"{float(value):.{digits}g}"
 
 
-def label(row: Row) -> tuple[str, Any]:
-    """What stands in a cell, and its colour."""
+def label(row: Row) -> tuple[str, Any, bool]:
+    """What stands in a cell, its colour, and whether the easiest fails while some other is right."""
     if row["note"].startswith("n/a"):
-        return "n/a", REFUSED
+        return "n/a", REFUSED, False
+    only = row["note"].partition("right at ")[2].partition(":")[0].split()
+    if row["largest"] == "" and not only:
+        return "never", NEVER, False
+    best = only[-1] if only else row["largest"]
+    shown = text(row, best) if not only or len(only) == 1 else f"{text(row, only[0])}\nto {text(row, best)}"
     tried = [float(x) for x in row["tried"].split(";")]
-    if row["largest"] == "":
-        only = row["note"].partition("right at ")[2].partition(":")[0].split()
-        return ("never" if not only else _span(row, only)), NEVER
-    # a CSV keeps the values tried to six digits
-    at = min(range(len(tried)), key=lambda n: abs(tried[n] - float(row["largest"])))
-    return text(row, row["largest"]), SCALE(at / max(1, len(tried) - 1))
+    # the row keeps what was tried to six digits
+    at = min(range(len(tried)), key=lambda n: abs(tried[n] - float(best)))
+    return shown, SCALE(at / max(1, len(tried) - 1)), bool(only)
 
 
-def _span(row: Row, only: Sequence[str]) -> str:
-    """Right at some, but not at the easiest."""
-    first, last = text(row, only[0]), text(row, only[-1])
-    return f"only {first}" if first == last else f"{first} to {last}"
+def _hardest(row: Row) -> str:
+    """The last value that may be tried, with its unit."""
+    return f"{float(row['tried'].split(';')[-1]):.4g} {row['unit']}".strip()
 
 
 def _grid(ax: Axes, rows: list[Row], scenes: list[str], title: str) -> None:
@@ -93,31 +94,38 @@ def _grid(ax: Axes, rows: list[Row], scenes: list[str], title: str) -> None:
         varied = next((row for row in rows if row["scene"] == scene), None)
         name = scene.replace("-", " ")
         if varied is not None and varied["varied"] != STEP:
-            tried = varied["tried"].split(";")
-            unit = f" {varied['unit']}" if varied["unit"] else ""
-            name += f": {varied['varied']} to {float(tried[-1]):g}{unit}"
+            name += f": {varied['varied']} to {_hardest(varied)}"
         ax.text(-0.12, i + 0.5, name, ha="right", va="center", fontsize=7.5, color=INK)
     for j, method in enumerate(methods):
         ours = any(row["method"] == method and row["kind"] == "ours" for row in rows)
         ax.text(
-            j + 0.5, -0.15, _broken(method), ha="center", va="bottom", fontsize=7.5, color=INK,
+            j + 0.5, -0.15, _broken(method), ha="center", va="bottom", fontsize=6.5, color=INK,
             fontweight="bold" if ours else "normal",
         )  # fmt: skip
     _frame(ax, len(methods), len(scenes), title)
 
 
 def _cell(ax: Axes, j: float, i: float, row: Row) -> None:
-    shown, colour = label(row)
+    shown, colour, partly = label(row)
     ax.add_patch(Rectangle((j + 0.02, i + 0.04), 0.96, 0.92, facecolor=colour, edgecolor="none"))
+    if partly:
+        ax.add_patch(Rectangle((j + 0.02, i + 0.04), 0.06, 0.92, facecolor=NEVER, edgecolor="none"))
     known = row["limit_analytic"]
-    long = len(shown) > 8
+    small = "\n" in shown
     if known == "":
-        ax.text(j + 0.5, i + 0.5, shown, ha="center", va="center", fontsize=5.5 if long else 7.5, color=INK)
+        ax.text(j + 0.5, i + 0.5, shown, ha="center", va="center", fontsize=5.5 if small else 7.5, color=INK)
         return
-    ax.text(j + 0.3, i + 0.5, shown, ha="center", va="center", fontsize=5.5 if long else 7, color=INK)
+    ax.text(j + 0.3, i + 0.5, shown, ha="center", va="center", fontsize=5.5 if small else 7, color=INK)
     ax.plot([j + 0.58, j + 0.58], [i + 0.12, i + 0.88], color=INK, linewidth=1.0)
     ax.text(
-        j + 0.79, i + 0.5, text(row, known), ha="center", va="center", fontsize=6, color=INK, style="italic"
+        j + 0.79,
+        i + 0.5,
+        text(row, known, 3),
+        ha="center",
+        va="center",
+        fontsize=6,
+        color=INK,
+        style="italic",
     )
 
 
@@ -138,9 +146,7 @@ def _list(ax: Axes, pairs: list[tuple[Row, Row | None]]) -> None:
         _cell(ax, 0, i, step)
         if varied is not None:
             _cell(ax, 1, i, varied)
-            tried = varied["tried"].split(";")
-            unit = f" {varied['unit']}" if varied["unit"] else ""
-            aim = f"{varied['varied']}, {float(tried[0]):g} to {float(tried[-1]):g}{unit}"
+            aim = f"{varied['varied']} to {_hardest(varied)}"
             ax.text(2.03, i + 0.5, aim, ha="left", va="center", fontsize=7, color=FAINT)
     for j, head in enumerate(("largest step, s | limit by theory", "hardest scene | limit by theory")):
         ax.text(j + 0.5, -0.15, head, ha="center", va="bottom", fontsize=7.5, color=INK)
@@ -148,8 +154,8 @@ def _list(ax: Axes, pairs: list[tuple[Row, Row | None]]) -> None:
 
 
 def _broken(name: str) -> str:
-    """A name over two lines if it is long."""
-    return name.replace(" ", "\n", 1) if len(name) > WIDEST or " " in name else name
+    """A name of two words over two lines."""
+    return name.replace(" ", "\n", 1)
 
 
 def _frame(ax: Axes, columns: int, count: int, title: str) -> None:
