@@ -53,8 +53,8 @@ two shared cores of a virtual x86-64 machine. Less than 10 there cannot be told 
 takes 80 to 100."""
 
 
-def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
-    """A table of a scene's terms, and whether Painlevé's paradox can occur in it.
+def present(body: Body, friction: float, law: Law, field: tuple | None) -> list[tuple[str, bool, str]]:
+    """Of each term: its name, whether the scene has it, and why.
 
     Args:
         body: of the scene.
@@ -78,10 +78,15 @@ def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
         ("contact work", True, f"out while the centre of mass is above {body.bounding_radius:.4g} m"),
         ("steps at rest", True, "out after a step that changes no bit, for the rest of the call"),
     ]
+    return [(term, value is not None, why) for term, value, why in rows]
+
+
+def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
+    """A table of a scene's terms, and whether Painlevé's paradox can occur in it; arguments as for `present`."""
     lines = [f"{'term':14}{'':5}{'ns/step':>8}  why"]
-    for term, value, why in rows:
+    for term, is_in, why in present(body, friction, law, field):
         cost = f"{COST[term]:g}" if term in COST else "-"
-        lines.append(f"{term:14}{'out' if value is None else 'in':5}{cost:>8}  {why}")
+        lines.append(f"{term:14}{'in' if is_in else 'out':5}{cost:>8}  {why}")
     critical = critical_friction(body)
     k = int(critical.argmin())
     if np.isinf(critical[k]):

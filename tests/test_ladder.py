@@ -13,7 +13,7 @@ CASES = {case.name: case for case in ladder.cases(car.body())}
 
 def row(scene, left, error, cost, said="in"):
     return {
-        "scene": scene, "term": left, "in_explain": said, "error_model": str(error),
+        "scene": scene, "term": left, "in_explain": said, "error_model": str(error), "error": str(error),
         "ns_with": "200", "ns_without": str(cost),
     }  # fmt: skip
 
@@ -24,7 +24,9 @@ ROWS = [
     row("block", "rounding", 1e-6, 10),
     row("block", "friction", 0.5, 100),
     row("block", "sweep", 1e-3, 120),
+    row("block", "restitution+centripetal", 1e-6, 186),
     row("block", "restitution+gyroscopic", 1e-6, 190),
+    row("block", "restitution+gyroscopic+centripetal", 1e-6, 191),
     row("block", "restitution+gyroscopic+sweep", 2e-3, 90),
     row("block", "restitution+gyroscopic+sweep+friction", 0.5, 60),
     row("ball", "nothing", 0, 200, "out"),
@@ -36,7 +38,7 @@ REST = ("centripetal", "rounding", "curvature")
     ("error", "kept"),
     [
         (0.0, ("friction", "gyroscopic", "sweep", *REST)),
-        (1e-5, ("friction", "sweep", *REST)),
+        (1e-5, ("friction", "sweep", "rounding", "curvature")),
         (1e-2, ("friction", *REST)),
         (1.0, REST),
     ],
