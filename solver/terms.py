@@ -82,7 +82,7 @@ def present(body: Body, friction: float, law: Law, field: tuple | None) -> list[
 
 
 def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
-    """A table of a scene's terms, and whether Painlevé's paradox can occur in it; arguments as for `present`."""
+    """A table of a scene's terms, and whether Painlevé's paradox can occur; arguments as for `present`."""
     lines = [f"{'term':14}{'':5}{'ns/step':>8}  why"]
     for term, is_in, why in present(body, friction, law, field):
         cost = f"{COST[term]:g}" if term in COST else "-"
