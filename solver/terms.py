@@ -1,9 +1,9 @@
 """Which terms of the equations a scene needs: a kernel is compiled for those alone.
 
-A kernel takes them as `law`, a tuple (μ, e, gyroscopic, several) in which None stands for a term that
-is left out. None is a type of its own, so each choice is another specialisation, which numba's cache on
-disk keeps; `if mu is None` is decided before the code behind it is even typed. Where a term is zero,
-leaving it out changes no bit: tests compare with `full`.
+A kernel takes them as `law`, a tuple (μ, e, gyroscopic, several, μ of blows) in which None stands for a
+term that is left out. None is a type of its own, so each choice is another specialisation, which
+numba's cache on disk keeps; `if mu is None` is decided before the code behind it is even typed. Where
+a term is zero, leaving it out changes no bit: tests compare with `full`.
 """
 
 import numpy as np
@@ -11,10 +11,10 @@ import numpy as np
 from .body import Body
 from .painleve import critical_friction
 
-Law = tuple[float | None, float | None, bool | None, bool | None]
+Law = tuple[float | None, float | None, bool | None, bool | None, float | None]
 
 
-def needed(body: Body, friction: float, restitution: float) -> Law:
+def needed(body: Body, friction: float, restitution: float, blow_friction: float | None = None) -> Law:
     """The terms of a scene: what is zero in it is None.
 
     Args:
@@ -22,18 +22,20 @@ def needed(body: Body, friction: float, restitution: float) -> Law:
             no sweep.
         friction: μ.
         restitution: e.
+        blow_friction: μ of blows; None: as in lasting contacts.
     """
     return (
         friction if friction > 0.0 else None,
         restitution if restitution > 0.0 else None,
         None if np.ptp(body.principal_J) == 0.0 else True,
         True if len(body.hull) > 1 else None,
+        None if blow_friction == friction else blow_friction,
     )
 
 
 def full(friction: float, restitution: float) -> Law:
     """Every term, needed or not: to set a scene's `law` to, for comparison."""
-    return friction, restitution, True, True
+    return friction, restitution, True, True, friction
 
 
 COST = {
@@ -41,6 +43,7 @@ COST = {
     "restitution": 0,
     "gyroscopic": 20,
     "sweep": 0,
+    "blows": 0,
     "curvature": 430,
     "contact work": 280,
     "steps at rest": 310,
@@ -59,7 +62,7 @@ def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
         law: what its kernel is compiled for.
         field: of its surface; None for a plane.
     """
-    mu, e, gyro, several = law
+    mu, e, gyro, several, mu_blow = law
     J = ", ".join(f"{moment:.4g}" for moment in body.principal_J)
     whole = np.ptp(body.principal_J) == 0.0
     points = len(body.hull)
@@ -68,6 +71,7 @@ def explain(body: Body, friction: float, law: Law, field: tuple | None) -> str:
         ("restitution", e, f"e = {e or 0.0:g}"),
         ("gyroscopic", gyro, f"J = ({J}) kg m²: w × J w " + ("= 0" if whole else "≠ 0")),
         ("sweep", several, f"{points} hull points" if points > 1 else "one hull point: one solve is exact"),
+        ("blows", mu_blow, f"μ = {friction if mu_blow is None else mu_blow:g} in impacts"),
         ("curvature", field, f"H up to {field[5]:.3g} 1/m" if field else "the ground is a plane: H = 0"),
         ("contact work", True, f"out while the centre of mass is above {body.bounding_radius:.4g} m"),
         ("steps at rest", True, "out after a step that changes no bit, for the rest of the call"),

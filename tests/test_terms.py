@@ -60,13 +60,13 @@ def test_leaving_a_zero_term_out_changes_no_bit(term):
 @compiled
 def test_the_lean_kernel_is_another_specialisation_and_stays_on_disk():
     scene, state = Scene(Body.sphere(1.0, 0.1)), State([0, 0, 0.1], UPRIGHT, ZERO, ZERO)
-    assert scene.law == (None, None, None, None)
+    assert scene.law == (None,) * 5
     simulate(scene, state, 0.01)
     scene.law = terms.full(0.0, 0.0)
     simulate(scene, state, 0.01)
     laws = [str(signature[3]) for signature in impulse.run.signatures]
-    assert "UniTuple(none x 4)" in laws
-    assert "Tuple(float64, float64, bool, bool)" in laws
+    assert "UniTuple(none x 5)" in laws
+    assert "Tuple(float64, float64, bool, bool, float64)" in laws
 
     again = (
         "from solver import Body, Scene, State, impulse, simulate\n"
@@ -111,6 +111,26 @@ def test_a_body_asleep_has_the_bits_of_one_that_is_stepped():
     assert f.sum() == pytest.approx(9.81, rel=1e-9)
 
 
+def test_blows_have_a_friction_of_their_own():
+    """A ball thrown without spin slips along; its blow takes μ(1 + e) |v_n| of speed, and no more later."""
+    ball, slow, fast = Body.sphere(1.0, 0.1), 0.05, 0.4
+    state = State([0, 0, 0.11], UPRIGHT, [5.0, 0, -2.0], ZERO)
+
+    def lost(**law):
+        return 5.0 - simulate(Scene(ball, gravity=(0, 0, 0), restitution=0.5, **law), state, 0.1).v[-1, 0]
+
+    assert lost(friction=slow, blow_friction=fast) == pytest.approx(fast * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=fast, blow_friction=slow) == pytest.approx(slow * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=slow, blow_friction=0.0) == 0.0
+    slides = Scene(Body.box(1.0, (0.2, 0.2, 0.2)), friction=slow, blow_friction=fast)
+    run = simulate(slides, State([0, 0, 0.1], UPRIGHT, [1.0, 0, 0], ZERO), 0.2)
+    assert run.v[-1, 0] == pytest.approx(1.0 - slow * 9.81 * 0.2, rel=1e-9)
+    with pytest.raises(ValueError, match="method must be 'impulse'"):
+        simulate(slides, state, 0.1, method="exact")
+    told = {line.split()[0]: line.split()[1] for line in slides.explain().splitlines()[1:]}
+    assert told["blows"] == "in"
+
+
 def test_a_torque_wakes_a_sleeper():
     scene = Scene(Body.box(1.0, (0.4, 0.4, 0.4)), friction=1.0)
     state = State([0, 0, 0.2], UPRIGHT, ZERO, ZERO)
@@ -124,7 +144,7 @@ def test_a_torque_wakes_a_sleeper():
 def test_a_scene_explains_what_is_in_and_what_is_out(term):
     scene = scenes(np.random.default_rng(1))[term]
     told = {line.split()[0]: line.split()[1] for line in scene.explain().splitlines()[1:]}
-    parts = ("friction", "restitution", "gyroscopic", "sweep")
+    parts = ("friction", "restitution", "gyroscopic", "sweep", "blows")
     assert [told[part] for part in parts] == ["out" if value is None else "in" for value in scene.law]
     assert told["curvature"] == "out"
     assert told[term] == "out" if term in parts else {told[part] for part in parts} == {"out"}

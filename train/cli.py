@@ -153,7 +153,7 @@ def chart(
     scene: tyro.conf.Positional[Literal["tosses"]],
     /,
     data: Path | None = None,
-    model: Literal["recorded"] = "recorded",
+    model: Literal["recorded", "corrected"] = "recorded",
     json: bool = False,
 ) -> None:
     """Measure the solver on a scene.
@@ -161,7 +161,7 @@ def chart(
     Args:
         scene: tosses: real tosses of a cube, rolled out from their first frame.
         data: the file; cube_tosses.npz in the folder $FLIPCAR_DATA unless given.
-        model: recorded: the data as it is.
+        model: recorded: the data as it is; corrected: lengths stretched, the start fitted to the flight.
         json: print JSON.
     """
     from solver.chart import tosses
@@ -172,11 +172,11 @@ def chart(
             raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
         data = Path(folder) / "cube_tosses.npz"
     loaded = tosses.load(data)
-    result = tosses.summary(tqdm(tosses.errors(loaded), total=len(loaded.frames), unit="toss", disable=json))
+    result = tosses.summary(tosses.errors(loaded, tosses.MODELS[model]))
     if json:
         print(json_module.dumps(result))
     else:
-        print(f"{result['n']} tosses as {model}, μ = {tosses.FRICTION}, e = {tosses.RESTITUTION}")
+        print(f"{result['n']} tosses as {model}, {tosses.MODELS[model]}")
         print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
         print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
 
