@@ -152,11 +152,18 @@ def came_down(hull, ground, quat, x, quat1, x1, contacts):
     return gap_of(hull, k, ground[4], seen(ground, matrix(quat), x)) >= -TOUCH
 
 
+@jit
+def in_blows(mu, mu_blow):
+    """μ of impacts."""
+    return mu if mu_blow is None else mu_blow
+
+
 @stage
 def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
-    Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
+    Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m;
+    `mu` is the friction coefficient of blows.
     """
     m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
@@ -395,8 +402,8 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         body: (m, 1/m, J, 1/J, radius of the bounding sphere).
         hull: (p, 4) points in principal axes and their radii, m.
         ground: (N, t1, t2, d, field), as in `model`.
-        law: (μ, e, gyroscopic, several, centripetal); None: left out (`terms`). Without `several` there
-            must be one hull point.
+        law: (μ, e, gyroscopic, several, centripetal, μ of blows); None: left out (`terms`). Without `several`
+            there must be one hull point.
         a: g + F_ext/m, m/s², world axes.
         torque: N m, body axes.
         x: (3,) m.
@@ -439,8 +446,9 @@ def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         if clear <= TOUCH:
             touch = TOUCH if impact == 0 else TOGETHER
             v, w = collide(
-                body, hull, ground, law[0], law[1], law[3], slow, touch, x, quat, v, w, contacts, rows, push
-            )
+                body, hull, ground, in_blows(law[0], law[5]), law[1], law[3], slow, touch,
+                x, quat, v, w, contacts, rows, push,
+            )  # fmt: skip
         x1, quat1, v1, w1, n = advance(
             body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
         )
@@ -532,8 +540,8 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
         body: (5,) m, principal moments, radius of the bounding sphere.
         hull: (p, 4).
         ground: ((10,) N, t1, t2, d; a field or None).
-        law: (μ, e, gyroscopic, several, centripetal), a tuple; None: left out (`terms`). Without `several`
-            only the deepest of the hull points touches, in each step. Other methods: (2,) μ, e.
+        law: (μ, e, gyroscopic, several, centripetal, μ of blows), a tuple; None: left out (`terms`).
+            Without `several` only the deepest of the hull points touches, in each step. Other methods: (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
         state: (13,) x, quat, v (world axes), w (principal axes).

@@ -1,10 +1,10 @@
 """Which terms of the equations a scene needs: a kernel is compiled for those alone.
 
-A kernel takes them as `law`, a tuple (μ, e, gyroscopic, several, centripetal) in which None stands for a
-term that is left out. None is a type of its own, so each choice is another specialisation, which numba's
-cache on disk keeps; `if mu is None` is decided before the code behind it is even typed. Where a term is
-zero, leaving it out changes no bit: tests compare with `full`. What it does to leave out more is on the
-model ladder (`solver.chart.ladder`).
+A kernel takes them as `law`, a tuple (μ, e, gyroscopic, several, centripetal, μ of blows) in which None
+stands for a term that is left out. None is a type of its own, so each choice is another specialisation,
+which numba's cache on disk keeps; `if mu is None` is decided before the code behind it is even typed. Where
+a term is zero, leaving it out changes no bit: tests compare with `full`. What it does to leave out more
+is on the model ladder (`solver.chart.ladder`).
 """
 
 import numpy as np
@@ -12,10 +12,10 @@ import numpy as np
 from .body import Body
 from .painleve import critical_friction
 
-Law = tuple[float | None, float | None, bool | None, bool | None, bool | None]
+Law = tuple[float | None, float | None, bool | None, bool | None, bool | None, float | None]
 
 
-def needed(body: Body, friction: float, restitution: float) -> Law:
+def needed(body: Body, friction: float, restitution: float, blow_friction: float | None = None) -> Law:
     """The terms of a scene: what is zero in it is None.
 
     Args:
@@ -23,6 +23,7 @@ def needed(body: Body, friction: float, restitution: float) -> Law:
             no sweep; hull points at the centre of mass have no centripetal acceleration.
         friction: μ.
         restitution: e.
+        blow_friction: μ of blows; None: as in lasting contacts.
     """
     return (
         friction if friction > 0.0 else None,
@@ -30,12 +31,13 @@ def needed(body: Body, friction: float, restitution: float) -> Law:
         None if np.ptp(body.principal_J) == 0.0 else True,
         True if len(body.hull) > 1 else None,
         True if body.hull.any() else None,
+        None if blow_friction == friction else blow_friction,
     )
 
 
 def full(friction: float, restitution: float) -> Law:
     """Every term, needed or not: to set a scene's `law` to, for comparison."""
-    return friction, restitution, True, True, True
+    return friction, restitution, True, True, True, friction
 
 
 COST = {
@@ -44,6 +46,7 @@ COST = {
     "gyroscopic": 20,
     "centripetal": 0,
     "sweep": 0,
+    "blows": 0,
     "curvature": 430,
     "contact work": 280,
     "steps at rest": 310,
@@ -62,7 +65,7 @@ def present(body: Body, friction: float, law: Law, field: tuple | None) -> list[
         law: what its kernel is compiled for.
         field: of its surface; None for a plane.
     """
-    mu, e, gyro, several, centri = law
+    mu, e, gyro, several, centri, mu_blow = law
     rho = body.radius.max()
     J = ", ".join(f"{moment:.4g}" for moment in body.principal_J)
     whole = np.ptp(body.principal_J) == 0.0
@@ -74,6 +77,7 @@ def present(body: Body, friction: float, law: Law, field: tuple | None) -> list[
         ("centripetal", centri, f"w × (w × b), |b| up to {np.linalg.norm(body.hull, axis=1).max():.4g} m"),
         ("sweep", several, f"{points} hull points" if points > 1 else "one hull point: one solve is exact"),
         ("rounding", rho or None, f"hull radii up to {rho:.4g} m" if rho else "sharp points: q = b"),
+        ("blows", mu_blow, f"μ = {friction if mu_blow is None else mu_blow:g} in impacts"),
         ("curvature", field, f"H up to {field[5]:.3g} 1/m" if field else "the ground is a plane: H = 0"),
         ("contact work", True, f"out while the centre of mass is above {body.bounding_radius:.4g} m"),
         ("steps at rest", True, "out after a step that changes no bit, for the rest of the call"),

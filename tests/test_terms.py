@@ -66,7 +66,7 @@ def test_without_sweeps_the_deepest_point_alone_touches():
     scene = Scene(box, Plane([0.1, 0, 1]), friction=0.5, restitution=0.4)
     start = State([0, 0, 0.5], [0.6, 0, 0.8, 0], [1, 0, -1], [4, 3, 2])
     body, hull, ground, _law = scene.parameters
-    law = (0.5, 0.4, True, None, True)
+    law = (0.5, 0.4, True, None, True, None)
     what = scene.gravity, np.zeros(3)
     row, memory, f = to_kernel(box, start)[0], np.zeros((8, MEMORY)), np.zeros(8)
     state, held, one = row.copy(), -1, np.zeros((1, MEMORY))
@@ -97,13 +97,13 @@ def test_what_a_scene_says_is_out_costs_no_accuracy(case):
 @compiled
 def test_the_lean_kernel_is_another_specialisation_and_stays_on_disk():
     scene, state = Scene(Body.sphere(1.0, 0.1)), State([0, 0, 0.1], UPRIGHT, ZERO, ZERO)
-    assert scene.law == (None,) * 5
+    assert scene.law == (None,) * 6
     simulate(scene, state, 0.01)
     scene.law = terms.full(0.0, 0.0)
     simulate(scene, state, 0.01)
     laws = [str(signature[3]) for signature in impulse.run.signatures]
-    assert "UniTuple(none x 5)" in laws
-    assert "Tuple(float64, float64, bool, bool, bool)" in laws
+    assert "UniTuple(none x 6)" in laws
+    assert "Tuple(float64, float64, bool, bool, bool, float64)" in laws
 
     again = (
         "from solver import Body, Scene, State, impulse, simulate\n"
@@ -148,6 +148,26 @@ def test_a_body_asleep_has_the_bits_of_one_that_is_stepped():
     assert f.sum() == pytest.approx(9.81, rel=1e-9)
 
 
+def test_blows_have_a_friction_of_their_own():
+    """A ball thrown without spin slips along; its blow takes μ(1 + e) |v_n| of speed, and no more later."""
+    ball, slow, fast = Body.sphere(1.0, 0.1), 0.05, 0.4
+    state = State([0, 0, 0.11], UPRIGHT, [5.0, 0, -2.0], ZERO)
+
+    def lost(**law):
+        return 5.0 - simulate(Scene(ball, gravity=(0, 0, 0), restitution=0.5, **law), state, 0.1).v[-1, 0]
+
+    assert lost(friction=slow, blow_friction=fast) == pytest.approx(fast * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=fast, blow_friction=slow) == pytest.approx(slow * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=slow, blow_friction=0.0) == 0.0
+    slides = Scene(Body.box(1.0, (0.2, 0.2, 0.2)), friction=slow, blow_friction=fast)
+    run = simulate(slides, State([0, 0, 0.1], UPRIGHT, [1.0, 0, 0], ZERO), 0.2)
+    assert run.v[-1, 0] == pytest.approx(1.0 - slow * 9.81 * 0.2, rel=1e-9)
+    with pytest.raises(ValueError, match="method must be 'impulse'"):
+        simulate(slides, state, 0.1, method="exact")
+    told = {line.split()[0]: line.split()[1] for line in slides.explain().splitlines()[1:]}
+    assert told["blows"] == "in"
+
+
 def test_a_torque_wakes_a_sleeper():
     scene = Scene(Body.box(1.0, (0.4, 0.4, 0.4)), friction=1.0)
     state = State([0, 0, 0.2], UPRIGHT, ZERO, ZERO)
@@ -161,7 +181,7 @@ def test_a_torque_wakes_a_sleeper():
 def test_a_scene_explains_what_is_in_and_what_is_out(term):
     scene = scenes(np.random.default_rng(1))[term]
     told = {line.split()[0]: line.split()[1] for line in scene.explain().splitlines()[1:]}
-    parts = ("friction", "restitution", "gyroscopic", "sweep", "centripetal")
+    parts = ("friction", "restitution", "gyroscopic", "sweep", "centripetal", "blows")
     assert [told[part] for part in parts] == ["out" if value is None else "in" for value in scene.law]
     assert told["rounding"] == ("in" if scene.body.radius.any() else "out")
     assert told["curvature"] == "out"

@@ -213,12 +213,11 @@ def _tosses(data: Path | None, model: str, json: bool) -> None:
     if data is None:
         raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
     loaded = tosses.load(data / "cube_tosses.npz" if data.is_dir() else data)
-    each = tosses.errors(loaded, model)
-    result = tosses.summary(tqdm(each, total=len(loaded.frames), unit="toss", disable=json))
+    result = tosses.summary(tosses.errors(loaded, tosses.MODELS[model]))
     if json:
         print(json_module.dumps(result))
         return
-    print(f"{result['n']} tosses as {model}")
+    print(f"{result['n']} tosses as {model}, {tosses.MODELS[model]}")
     print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
     print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
 

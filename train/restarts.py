@@ -109,7 +109,15 @@ def make(name: str, most: int) -> Restarts:
     for t, start in tqdm(candidates(scene, first, torque), desc=name):
         answer = finest(scene, start, DURATION, torque)
         batch = Restarts(
-            name, TITLES[name], scene, gather([start]), np.array([t]), DURATION, RECORDS, torque, gather([answer])
+            name,
+            TITLES[name],
+            scene,
+            gather([start]),
+            np.array([t]),
+            DURATION,
+            RECORDS,
+            torque,
+            gather([answer]),
         )
         try:
             row = reference.certify(batch, 0)

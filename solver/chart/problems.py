@@ -383,7 +383,7 @@ def _restart(restart: restarts.Restarts) -> Problem:
         restart.name,
         restart.title,
         "pose after half a second, median over restarts: the larger of the angle and the distance over the radius",
-        "\"exact\", certified by an independent integration",
+        '"exact", certified by an independent integration',
         restart.scene,
         restart.starts,
         restart.duration,

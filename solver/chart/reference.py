@@ -382,7 +382,9 @@ def main() -> None:
         for problem in problems():
             for k in range(len(problem.times)):
                 row = certify(problem, k)
-                row = {name: f"{value:.3g}" if isinstance(value, float) else value for name, value in row.items()}
+                row = {
+                    name: f"{value:.3g}" if isinstance(value, float) else value for name, value in row.items()
+                }
                 table.writerow(row)
                 print(*row.values(), flush=True)
 

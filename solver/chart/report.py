@@ -72,7 +72,13 @@ def fronts(rows: list[Row], problems: dict[str, Problem]) -> str:
         text.append("Met in every scene that a peer gets right.\n")
     text.append(
         table(
-            ("scene", "cheaper at equal error", "more accurate at equal cost, at least", "goal", "peers on the front"),
+            (
+                "scene",
+                "cheaper at equal error",
+                "more accurate at equal cost, at least",
+                "goal",
+                "peers on the front",
+            ),
             (
                 (
                     problems[c["scene"]].title,
@@ -137,7 +143,10 @@ def ladder(rows: list[Row]) -> str:
         "",
         table(
             ("scene", *(f"{error:g}" for error in wanted)),
-            ((scene, *(", ".join(model.get(scene, ())) or "flight alone" for model in models)) for scene in scenes),
+            (
+                (scene, *(", ".join(model.get(scene, ())) or "flight alone" for model in models))
+                for scene in scenes
+            ),
         ),
         "",
         "`flipcar chart ladder`",
@@ -150,7 +159,7 @@ def reference(rows: list[Row]) -> str:
     columns = ("x_m", "attitude_rad", "v_m_s", "w_rad_s")
     scenes = list(dict.fromkeys(row["scene"] for row in rows))
     lines = [
-        "The largest difference, over the restarts, between \"exact\" and an integration that shares no code with it:",
+        'The largest difference, over the restarts, between "exact" and an integration that shares no code with it:',
         "",
         table(
             ("scene", "restarts", "place, m", "attitude, rad", "velocity, m/s", "spin, rad/s"),
@@ -179,7 +188,9 @@ def write(folder: Path, problems: dict[str, Problem], parts: list[tuple[str, str
         rows: of the work-precision study.
     """
     machine = json.loads((folder / MACHINE).read_text())
-    about = ", ".join(f"{name} {value}" for name, value in machine.items() if name not in ("date", "cpu", "quick"))
+    about = ", ".join(
+        f"{name} {value}" for name, value in machine.items() if name not in ("date", "cpu", "quick")
+    )
     text = [
         "# Speed against accuracy, and where methods fail",
         "",

@@ -126,7 +126,9 @@ def _car() -> Body:
 def draw(out: Path) -> Path:
     """Every figure and the report, from a folder's CSV files; returns the report's path."""
     precise = read(out / "precision.csv")
-    drawn = {name: problem for name, problem in problems().items() if any(r["scene"] == name for r in precise)}
+    drawn = {
+        name: problem for name, problem in problems().items() if any(r["scene"] == name for r in precise)
+    }
     for name, problem in drawn.items():
         plots.precision(precise, name, problem.title, problem.asks, out / f"precision-{name}")
     if precise:
