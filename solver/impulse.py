@@ -541,7 +541,8 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
         hull: (p, 4).
         ground: ((10,) N, t1, t2, d; a field or None).
         law: (μ, e, gyroscopic, several, centripetal, μ of blows), a tuple; None: left out (`terms`).
-            Without `several` only the deepest of the hull points touches, in each step. Other methods: (2,) μ, e.
+            Without `several` only the deepest of the hull points touches, in each step. Other methods:
+            (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
         state: (13,) x, quat, v (world axes), w (principal axes).

@@ -162,8 +162,8 @@ def chart(
 ) -> None:
     """Chart speed against accuracy, map where methods fail, and meet real impacts.
 
-    What is done is kept: after Ctrl-C, the same command goes on from there. `flipcar chart tosses` with --model,
-    --json or a file prints how well real tosses are met.
+    What is done is kept: after Ctrl-C, the same command goes on from there. `flipcar chart tosses` with
+    --model, --json or a file prints how well real tosses are met.
 
     Args:
         scenes: names of scenes, and of the studies stability, ladder, reference, tosses, ellipses; all
