@@ -54,7 +54,7 @@ def observe_row(model, out, x, quat, v, w):
 def step_row(model, hull, row, action, scratch):
     """One control step of one environment."""
     body, ground = unpack(model[r.BODY : r.BODY + 5], (model[r.PLANE : r.PLANE + 10], None))
-    law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True)
+    law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True, True, None)
     g = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps

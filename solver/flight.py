@@ -25,7 +25,7 @@ def spin(J, inv_J, gyro, quat, w, h):
     Args:
         J: principal moments of inertia, kg m².
         inv_J: their inverses.
-        gyro: None if −w × J w is zero, as J is a multiple of the identity.
+        gyro: None to leave −w × J w out.
         quat: attitude, body to world.
         w: angular velocity, body axes, rad/s.
         h: s.
@@ -44,8 +44,20 @@ def spin(J, inv_J, gyro, quat, w, h):
         return (np.nan, np.nan, np.nan, np.nan), w
     for _ in range(n):
         e = half_turn(J, inv_J, gyro, w, dt)
-        quat, w = turn(J, inv_J, quat, w, e)
+        quat, w1 = turn(J, inv_J, quat, w, e)
+        w = spun(gyro, J, w, w1)
     return quat, w
+
+
+@jit
+def spun(gyro, J, w, w1):
+    """The spin after a turn: w1, which keeps the world's J w, unless −w × J w is left out; then it is w.
+
+    Where that is zero the two differ by rounding: then it is w1 as well, to have the same bits.
+    """
+    if gyro is None:
+        return w1 if J[0] == J[1] == J[2] else w
+    return w1
 
 
 @jit

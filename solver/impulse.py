@@ -47,6 +47,7 @@ from .model import (
     OPEN,
     TOUCH,
     gap_of,
+    height_over,
     is_finite,
     load,
     seen,
@@ -133,8 +134,9 @@ def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h
     w1 = axpy(h, times(body[3], torque), w)
     if n > 0:
         v1, w1 = hold(
-            body, hull, ground[4], view, law[0], law[2], law[3], a, v, w, v1, w1, contacts, rows, n, h
-        )
+            body, hull, ground[4], view, law[0], law[2], law[3], law[4],
+            a, v, w, v1, w1, contacts, rows, n, h,
+        )  # fmt: skip
     x, quat, w1 = drift(body, law[2], x, quat, v1, w1, half)
     return x, quat, v1, w1, n
 
@@ -150,11 +152,18 @@ def came_down(hull, ground, quat, x, quat1, x1, contacts):
     return gap_of(hull, k, ground[4], seen(ground, matrix(quat), x)) >= -TOUCH
 
 
+@jit
+def in_blows(mu, mu_blow):
+    """μ of impacts."""
+    return mu if mu_blow is None else mu_blow
+
+
 @stage
 def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, contacts, rows, push):
     """Impact of every point that touches and closes (Eq. 8), with friction and restitution.
 
-    Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m.
+    Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m;
+    `mu` is the friction coefficient of blows.
     """
     m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
@@ -393,7 +402,8 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         body: (m, 1/m, J, 1/J, radius of the bounding sphere).
         hull: (p, 4) points in principal axes and their radii, m.
         ground: (N, t1, t2, d, field), as in `model`.
-        law: (μ, e, gyroscopic, several); None: left out (`terms`).
+        law: (μ, e, gyroscopic, several, centripetal, μ of blows); None: left out (`terms`). Without `several`
+            there must be one hull point.
         a: g + F_ext/m, m/s², world axes.
         torque: N m, body axes.
         x: (3,) m.
@@ -436,8 +446,9 @@ def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         if clear <= TOUCH:
             touch = TOUCH if impact == 0 else TOGETHER
             v, w = collide(
-                body, hull, ground, law[0], law[1], law[3], slow, touch, x, quat, v, w, contacts, rows, push
-            )
+                body, hull, ground, in_blows(law[0], law[5]), law[1], law[3], slow, touch,
+                x, quat, v, w, contacts, rows, push,
+            )  # fmt: skip
         x1, quat1, v1, w1, n = advance(
             body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, rest
         )
@@ -488,6 +499,39 @@ def repeat(rows, n, ground, push, times):
             tally(push, int(rows[c, POINT]), rows, c, ground, ground[4])
 
 
+@jit
+def alone(several, array, k):
+    """The rows that a step looks at: all, or where several contacts are left out point k's."""
+    if several is None:
+        return array[k : k + 1]
+    return array
+
+
+@jit
+def deepest(several, bound, hull, ground, x, quat, v, contacts, h, k, clear):
+    """Where several contacts are left out: the one point that may touch in the next h seconds.
+
+    It is the deepest; the contact of any other is over.
+
+    Returns:
+        (k, clear): which it is, and `clear` as in `step`: not known of another point than k.
+    """
+    if several is not None:
+        return k, clear
+    if hull.shape[0] == 1 or height_over(ground, x) > bound + h * sqrt(dot(v, v)):
+        return k, clear
+    view = seen(ground, matrix(quat), x)
+    least, at = np.inf, k
+    for j in range(hull.shape[0]):
+        g = gap_of(hull, j, ground[4], view)
+        if g < least:
+            least, at = g, j
+    for j in range(hull.shape[0]):
+        if j != at:
+            remember(contacts, j, OPEN, NOTHING)
+    return at, clear if at == k else 0.0
+
+
 @entry
 def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place.
@@ -496,7 +540,9 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
         body: (5,) m, principal moments, radius of the bounding sphere.
         hull: (p, 4).
         ground: ((10,) N, t1, t2, d; a field or None).
-        law: (μ, e, gyroscopic, several), a tuple; None: left out (`terms`). Other methods: (2,) μ, e.
+        law: (μ, e, gyroscopic, several, centripetal, μ of blows), a tuple; None: left out (`terms`).
+            Without `several` only the deepest of the hull points touches, in each step. Other methods:
+            (2,) μ, e.
         a: (3,) m/s².
         torque: (3,) N m, principal axes.
         state: (13,) x, quat, v (world axes), w (principal axes).
@@ -519,21 +565,23 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     x, quat, v, w = load(state)
     f[:] = 0.0
     clear = 0.0
+    k = 0
     for done in range(n):
         turn = h * (sqrt(dot(w, w)) + bend(ground_[4], sqrt(dot(v, v))))
         pieces = 1 + int(min(turn / MAX_STEP_TURN, MAX_STEP_PIECES))
         still = 0
         for _piece in range(pieces):
+            k, clear = deepest(law[3], body_[4], points, ground_, x, quat, v, memory, h, k, clear)
             x, quat, v, w, clear, still = step(
-                body_, points, ground_, law, a_, torque_,
-                x, quat, v, w, memory, rows, push, h / pieces, clear,
+                body_, alone(law[3], points, k), ground_, law, a_, torque_,
+                x, quat, v, w, alone(law[3], memory, k), rows, alone(law[3], push, k), h / pieces, clear,
             )  # fmt: skip
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
         asleep = still > 0 and pieces == 1 and (x, quat, v, w) == load(state)
         store(state, x, quat, v, w)
         if asleep:
-            repeat(rows, still, ground_, push, n - 1 - done)
+            repeat(rows, still, ground_, alone(law[3], push, k), n - 1 - done)
             break
     for k in range(hull.shape[0]):
         if n > 0:

@@ -128,7 +128,15 @@ def turning(rows, c, field, R, b, rho, v, w, u_dot):
 
 
 @jit
-def aim(J, inv_J, gyro, hull, field, view, v, w, contacts, rows, n, h):
+def carried(centri, w, w_dot, b, q):
+    """How a contact point accelerates as the body turns, m/s²; Eq. 5's w × (w × b) may be left out."""
+    if centri is None:
+        return cross(w_dot, q)
+    return centripetal(w, w_dot, b, q)
+
+
+@jit
+def aim(J, inv_J, gyro, centri, hull, field, view, v, w, contacts, rows, n, h):
     """What to aim at: Eq. 5's c at velocity level, u = −(h/2) c, with the spin that is expected.
 
     Without it, sustained contact is of first order. A LATE point, still above the surface, may come
@@ -145,7 +153,7 @@ def aim(J, inv_J, gyro, hull, field, view, v, w, contacts, rows, n, h):
         q = vec2(rows, c, Q)
         if contacts[k, 0] == CLOSED:
             b = vec2(hull, k, 0)
-            u_dot = centripetal(w, w_dot, b, q)
+            u_dot = carried(centri, w, w_dot, b, q)
             u = scale(-half, turning(rows, c, field, view[0], b, hull[k, 3], v, w, u_dot))
         else:
             N = vec2(rows, c, AXES)
@@ -174,7 +182,9 @@ def work(rows, n, v, w):
 
 
 @jit
-def hold(body, hull, field, view, mu, gyro, several, a, v_before, w_before, v, w, contacts, rows, n, h):
+def hold(
+    body, hull, field, view, mu, gyro, several, centri, a, v_before, w_before, v, w, contacts, rows, n, h
+):
     """The velocities after the impulses of n contacts.
 
     Args:
@@ -183,8 +193,9 @@ def hold(body, hull, field, view, mu, gyro, several, a, v_before, w_before, v, w
         field: as in `step`'s ground.
         view: of the ground from the middle pose.
         mu: as in `step`'s law, and so are
-        gyro: this
-        several: and this.
+        gyro: this,
+        several: this
+        centri: and this.
         a: g + F_ext/m.
         v_before: velocity before gravity, world axes; friction opposes the mean of the slip before
             and after.
@@ -204,7 +215,7 @@ def hold(body, hull, field, view, mu, gyro, several, a, v_before, w_before, v, w
     v_b = to_body(R, v)
     F, T, push, slide = guess(mu, contacts, rows, n, h)
     v1, w1 = spread(inv_m, inv_J, F, T, v_b, w)
-    far = aim(J, inv_J, gyro, hull, field, view, v1, w1, contacts, rows, n, h)
+    far = aim(J, inv_J, gyro, centri, hull, field, view, v1, w1, contacts, rows, n, h)
     if push and not slide and far < STILL:
         # At rest nothing changes at all: residuals that add up would have to be undone in the end.
         v1 = to_world(R, v1)

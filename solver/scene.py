@@ -107,12 +107,22 @@ class Scene:
         gravity: (3,) m/s².
         friction: Coulomb's μ, >= 0.
         restitution: e, in [0, 1].
+        blow_friction: μ of impacts, >= 0, where they have one of their own: real surfaces often grip less
+            in a blow than under a load that lasts. Only "impulse" knows it.
 
     Raises:
         ValueError: naming the argument, its value and what is allowed.
     """
 
-    def __init__(self, body, surface=None, gravity=(0, 0, -9.81), friction=0.0, restitution=0.0):
+    def __init__(
+        self,
+        body,
+        surface=None,
+        gravity=(0, 0, -9.81),
+        friction=0.0,
+        restitution=0.0,
+        blow_friction=None,
+    ):
         if not isinstance(body, Body):
             raise ValueError(f"body must be a Body, got {body!r}")
         surface = Plane() if surface is None else surface
@@ -128,6 +138,9 @@ class Scene:
         self.gravity = finite("gravity", gravity, (3,))
         self.friction = number("friction", friction, low=0.0)
         self.restitution = number("restitution", restitution, low=0.0, high=1.0)
+        self.blow_friction = (
+            self.friction if blow_friction is None else number("blow_friction", blow_friction, low=0.0)
+        )
         hull = np.column_stack([body.hull @ body.principal_axes, body.radius])
         self.parameters = (
             np.array([body.m, *body.principal_J, body.bounding_radius]),
@@ -136,7 +149,7 @@ class Scene:
             np.array([self.friction, self.restitution]),
         )
         """The scene as the kernels' first arguments: body, hull, ground, law."""
-        self.law = terms.needed(body, self.friction, self.restitution)
+        self.law = terms.needed(body, self.friction, self.restitution, self.blow_friction)
         """The terms that "impulse" is compiled for; set to `terms.full`, it has them all."""
 
     def energy(self, state: State) -> np.ndarray | float:
@@ -183,7 +196,8 @@ class Scene:
         return terms.explain(self.body, self.friction, self.law, self.surface.field)
 
     def __repr__(self):
+        blows = "" if self.blow_friction == self.friction else f", blow_friction={self.blow_friction:g}"
         return (
             f"Scene({self.body}, {self.surface}, gravity={self.gravity.tolist()}, "
-            f"friction={self.friction:g}, restitution={self.restitution:g})"
+            f"friction={self.friction:g}, restitution={self.restitution:g}{blows})"
         )

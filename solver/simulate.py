@@ -120,6 +120,8 @@ def simulate(
     duration = number("duration", duration, low=0.0)
     dt = number("dt", dt, above=0.0)
     one_of("method", method, METHODS)
+    if method != "impulse" and scene.blow_friction != scene.friction:
+        raise ValueError(f"method must be 'impulse' for a scene with a blow_friction, got {method!r}")
     if not isinstance(record_every, int | np.integer) or record_every < 1:
         raise ValueError(f"record_every must be a whole number >= 1, got {record_every!r}")
     if not isinstance(threads, int | np.integer) or threads < 1:

@@ -10,6 +10,7 @@ from numba.core import config
 from oracle import random_body, random_quat
 
 from solver import Body, Plane, Scene, State, impulse, simulate, terms
+from solver.chart import ladder
 from solver.model import MEMORY, load, unpack
 from solver.scene import to_kernel
 from solver.sweep import WIDTH
@@ -23,10 +24,12 @@ def scenes(rng):
     box, tilted = Body.box(1.0, rng.uniform(0.2, 0.6, 3)), Plane([0.1, 0.2, 1.0])
     mu, e = rng.uniform(0.1, 1.0), rng.uniform(0.1, 1.0)
     cube = Body.box(1.0, [0.3, 0.3, 0.3], radius=0.02)
+    central = Body(1.0, [1e-3, 2e-3, 2.5e-3], np.zeros((2, 3)), radius=[0.1, 0.12])
     return {
         "friction": Scene(box, tilted, restitution=e),
         "restitution": Scene(box, tilted, friction=mu),
         "gyroscopic": Scene(cube, tilted, friction=mu, restitution=e),
+        "centripetal": Scene(central, tilted, friction=mu, restitution=e),
         "sweep": Scene(random_body(rng), tilted, friction=mu, restitution=e),
         "all": Scene(Body.sphere(1.0, 0.1), tilted),
     }
@@ -42,7 +45,7 @@ def toss(rng, scene, n):
     )
 
 
-@pytest.mark.parametrize("term", ["friction", "restitution", "gyroscopic", "sweep", "all"])
+@pytest.mark.parametrize("term", ["friction", "restitution", "gyroscopic", "centripetal", "sweep", "all"])
 def test_leaving_a_zero_term_out_changes_no_bit(term):
     rng = np.random.default_rng(len(term))
     for _ in range(3):
@@ -57,16 +60,50 @@ def test_leaving_a_zero_term_out_changes_no_bit(term):
             np.testing.assert_array_equal(getattr(lean, name), getattr(full, name))
 
 
+def test_without_sweeps_the_deepest_point_alone_touches():
+    """Against a body that in each step has only its deepest hull point, the one of the article."""
+    box = Body.box(1.0, (0.3, 0.4, 0.5), radius=0.01)
+    scene = Scene(box, Plane([0.1, 0, 1]), friction=0.5, restitution=0.4)
+    start = State([0, 0, 0.5], [0.6, 0, 0.8, 0], [1, 0, -1], [4, 3, 2])
+    body, hull, ground, _law = scene.parameters
+    law = (0.5, 0.4, True, None, True, None)
+    what = scene.gravity, np.zeros(3)
+    row, memory, f = to_kernel(box, start)[0], np.zeros((8, MEMORY)), np.zeros(8)
+    state, held, one = row.copy(), -1, np.zeros((1, MEMORY))
+    for _ in range(240):
+        x, quat, v, w = np.split(state, [3, 7, 10])
+        k = scene.gap(State(x, quat, v, w)).argmin()
+        if k != held:
+            held, one = k, np.zeros((1, MEMORY))
+        impulse.run(body, hull[k : k + 1], ground, law, *what, state, one, f[:1], np.zeros(1), 1 / 240, 1)
+    assert impulse.run(body, hull, ground, law, *what, row, memory, f, np.zeros(1), 1 / 240, 240) == 0
+    np.testing.assert_array_equal(row, state)
+    assert (memory[:, 0] > 0).sum() <= 1
+
+
+@compiled
+@pytest.mark.parametrize("case", ladder.cases(), ids=lambda case: case.name.replace(" ", "-"))
+def test_what_a_scene_says_is_out_costs_no_accuracy(case):
+    """`explain` and the model ladder agree; and each scene has a term that matters."""
+    if case.scene.surface.field is not None:
+        pytest.skip("another kernel, for the same terms")
+    errors = {term: ladder.model_error(case, (term,)) for term in ladder.TERMS}
+    out = [term for term in ladder.TERMS if not ladder.in_explain(case, term)]
+    assert [errors[term] for term in out] == [0.0] * len(out)
+    assert max(errors.values()) > 1e-3
+    assert set(ladder.order(case)[: ladder.idle(case)]) == set(out)
+
+
 @compiled
 def test_the_lean_kernel_is_another_specialisation_and_stays_on_disk():
     scene, state = Scene(Body.sphere(1.0, 0.1)), State([0, 0, 0.1], UPRIGHT, ZERO, ZERO)
-    assert scene.law == (None, None, None, None)
+    assert scene.law == (None,) * 6
     simulate(scene, state, 0.01)
     scene.law = terms.full(0.0, 0.0)
     simulate(scene, state, 0.01)
     laws = [str(signature[3]) for signature in impulse.run.signatures]
-    assert "UniTuple(none x 4)" in laws
-    assert "Tuple(float64, float64, bool, bool)" in laws
+    assert "UniTuple(none x 6)" in laws
+    assert "Tuple(float64, float64, bool, bool, bool, float64)" in laws
 
     again = (
         "from solver import Body, Scene, State, impulse, simulate\n"
@@ -111,6 +148,26 @@ def test_a_body_asleep_has_the_bits_of_one_that_is_stepped():
     assert f.sum() == pytest.approx(9.81, rel=1e-9)
 
 
+def test_blows_have_a_friction_of_their_own():
+    """A ball thrown without spin slips along; its blow takes μ(1 + e) |v_n| of speed, and no more later."""
+    ball, slow, fast = Body.sphere(1.0, 0.1), 0.05, 0.4
+    state = State([0, 0, 0.11], UPRIGHT, [5.0, 0, -2.0], ZERO)
+
+    def lost(**law):
+        return 5.0 - simulate(Scene(ball, gravity=(0, 0, 0), restitution=0.5, **law), state, 0.1).v[-1, 0]
+
+    assert lost(friction=slow, blow_friction=fast) == pytest.approx(fast * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=fast, blow_friction=slow) == pytest.approx(slow * 1.5 * 2.0, rel=1e-12)
+    assert lost(friction=slow, blow_friction=0.0) == 0.0
+    slides = Scene(Body.box(1.0, (0.2, 0.2, 0.2)), friction=slow, blow_friction=fast)
+    run = simulate(slides, State([0, 0, 0.1], UPRIGHT, [1.0, 0, 0], ZERO), 0.2)
+    assert run.v[-1, 0] == pytest.approx(1.0 - slow * 9.81 * 0.2, rel=1e-9)
+    with pytest.raises(ValueError, match="method must be 'impulse'"):
+        simulate(slides, state, 0.1, method="exact")
+    told = {line.split()[0]: line.split()[1] for line in slides.explain().splitlines()[1:]}
+    assert told["blows"] == "in"
+
+
 def test_a_torque_wakes_a_sleeper():
     scene = Scene(Body.box(1.0, (0.4, 0.4, 0.4)), friction=1.0)
     state = State([0, 0, 0.2], UPRIGHT, ZERO, ZERO)
@@ -120,12 +177,13 @@ def test_a_torque_wakes_a_sleeper():
     assert np.linalg.norm(run.w[-1]) > 1.0
 
 
-@pytest.mark.parametrize("term", ["friction", "restitution", "gyroscopic", "sweep", "all"])
+@pytest.mark.parametrize("term", ["friction", "restitution", "gyroscopic", "centripetal", "sweep", "all"])
 def test_a_scene_explains_what_is_in_and_what_is_out(term):
     scene = scenes(np.random.default_rng(1))[term]
     told = {line.split()[0]: line.split()[1] for line in scene.explain().splitlines()[1:]}
-    parts = ("friction", "restitution", "gyroscopic", "sweep")
+    parts = ("friction", "restitution", "gyroscopic", "sweep", "centripetal", "blows")
     assert [told[part] for part in parts] == ["out" if value is None else "in" for value in scene.law]
+    assert told["rounding"] == ("in" if scene.body.radius.any() else "out")
     assert told["curvature"] == "out"
     assert told[term] == "out" if term in parts else {told[part] for part in parts} == {"out"}
     assert {"contact", "steps", "Painlevé"} <= set(told)

@@ -162,8 +162,8 @@ def chart(
 ) -> None:
     """Chart speed against accuracy, map where methods fail, and meet real impacts.
 
-    What is done is kept: after Ctrl-C, the same command goes on from there. `flipcar chart tosses` with --model,
-    --json or a file prints how well real tosses are met.
+    What is done is kept: after Ctrl-C, the same command goes on from there. `flipcar chart tosses` with
+    --model, --json or a file prints how well real tosses are met.
 
     Args:
         scenes: names of scenes, and of the studies stability, ladder, reference, tosses, ellipses; all
@@ -213,12 +213,11 @@ def _tosses(data: Path | None, model: str, json: bool) -> None:
     if data is None:
         raise ValueError("data must be given with --data, or its folder in $FLIPCAR_DATA")
     loaded = tosses.load(data / "cube_tosses.npz" if data.is_dir() else data)
-    each = tosses.errors(loaded, model)
-    result = tosses.summary(tqdm(each, total=len(loaded.frames), unit="toss", disable=json))
+    result = tosses.summary(tosses.errors(loaded, tosses.MODELS[model]))
     if json:
         print(json_module.dumps(result))
         return
-    print(f"{result['n']} tosses as {model}")
+    print(f"{result['n']} tosses as {model}, {tosses.MODELS[model]}")
     print("position error {:.1f} ± {:.1f} % of the width".format(*result["position"]))
     print("rotation error {:.1f} ± {:.1f} degrees".format(*result["rotation"]))
 

@@ -4,8 +4,8 @@ It shares nothing with the methods that it judges but the scene: Eqs. 1, 2, 5 an
 point in the air or sliding on a level plane, by an extrapolated midpoint rule with a fixed step in long
 doubles (64 bits of mantissa on x86; where they are doubles, the answers lose their last digits).
 
-`python -m solver.chart.extended` writes the answers that `solver.chart.problems` reads; that of the tippe top,
-which slips and rolls in turn, is by `solver.chart.reference`.
+`python -m solver.chart.extended` writes the answers that `solver.chart.problems` reads; that of the tippe
+top, which slips and rolls in turn, is by `solver.chart.reference`.
 """
 
 import json

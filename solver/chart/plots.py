@@ -85,7 +85,9 @@ def precision(rows: list[Row], scene: str, title: str, asks: str, path: Path) ->
         mine = method in OURS
         ns = [row["ns"] for row in right]
         errors = [max(row["error"], LEAST_ERROR) for row in right]
-        axes.plot(ns, errors, "o-", color=colour, markersize=3.5 if mine else 2.5, linewidth=1.8 if mine else 1.1)
+        axes.plot(
+            ns, errors, "o-", color=colour, markersize=3.5 if mine else 2.5, linewidth=1.8 if mine else 1.1
+        )
         if failed:
             # the finest step that fails: there the curve is cut
             last = min(failed, key=lambda row: row["value"])

@@ -53,7 +53,9 @@ def measured(problem: Problem, engine: Engine, steps: int, repeats: int) -> tupl
         row = {
             "error": error,
             "energy": energy_error(problem, run) if problem.keeps else "",
-            "penetration": max(0.0, -float(min(problem.scene.gap(run.at(n)).min() for n in range(len(run.t))))),
+            "penetration": max(
+                0.0, -float(min(problem.scene.gap(run.at(n)).min() for n in range(len(run.t))))
+            ),
             "ns": middle,
             "ns_p10": low,
             "ns_p90": high,

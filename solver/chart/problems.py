@@ -125,7 +125,7 @@ def _answers() -> dict[str, np.ndarray]:
 
 
 def off(scene: Scene, state: State, x: np.ndarray, quat: np.ndarray) -> np.ndarray:
-    """How far states are from a pose: the larger of the angle (rad) and the distance over the body's radius."""
+    """How far states are from a pose: the larger of angle (rad) and distance over the body's radius."""
     distance = np.linalg.norm(state.x - x, axis=-1) / scene.body.bounding_radius
     return np.maximum(distance, angle(state.quat, quat))
 
@@ -382,8 +382,9 @@ def _restart(restart: restarts.Restarts) -> Problem:
     return Problem(
         restart.name,
         restart.title,
-        "pose after half a second, median over restarts: the larger of the angle and the distance over the radius",
-        "\"exact\", certified by an independent integration",
+        "pose after half a second, the median of restarts: the larger of the angle and the distance over the "
+        "radius",
+        '"exact", certified by an independent integration',
         restart.scene,
         restart.starts,
         restart.duration,

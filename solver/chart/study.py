@@ -30,8 +30,11 @@ from .store import Cell, Row, claim, fill, read
 STUDIES = ("stability", "ladder", "reference", "tosses", "ellipses")
 """Beside the scenes of the work-precision study."""
 
-REAL = (("tosses", tosses, "cube_tosses.npz"), ("ellipses", ellipses, "ellipse_impacts.npz"))
-"""Studies of real impacts: name, module, file of the data."""
+REAL = (
+    ("tosses", tosses, "cube_tosses.npz", "ContactNets, in DAIR Lab's repository dair_pll"),
+    ("ellipses", ellipses, "ellipse_impacts.npz", "Fazeli et al., in DAIR Lab's repository ImpactModeling"),
+)
+"""Studies of real impacts: name, module, file of the data, where it is from."""
 
 Progress = Callable[[str, int], Callable[[], None]]
 """From a title and a number of pieces of work: what to call after each."""
@@ -97,11 +100,11 @@ def measure(
         do("ladder", "ladder.csv", _rows(ladder.cells(quick, _car())))
     if every or "reference" in asked:
         do("reference", "reference.csv", _restarts(quick))
-    for name, module, file in REAL:
+    for name, module, file, source in REAL:
         if every or name in asked:
             path = None if data is None else data / file
             if path is None or not path.is_file():
-                say(f"{name} is left out: --data has no {file}; {module.SOURCE}")
+                say(f"{name} is left out: --data has no {file} (public data: {source})")
             else:
                 do(name, f"{name}.csv", [((name,), partial(module.study, path, quick))])
 
@@ -126,7 +129,9 @@ def _car() -> Body:
 def draw(out: Path) -> Path:
     """Every figure and the report, from a folder's CSV files; returns the report's path."""
     precise = read(out / "precision.csv")
-    drawn = {name: problem for name, problem in problems().items() if any(r["scene"] == name for r in precise)}
+    drawn = {
+        name: problem for name, problem in problems().items() if any(r["scene"] == name for r in precise)
+    }
     for name, problem in drawn.items():
         plots.precision(precise, name, problem.title, problem.asks, out / f"precision-{name}")
     if precise:
@@ -138,9 +143,13 @@ def draw(out: Path) -> Path:
     if rows := read(out / "ladder.csv"):
         ladder_plot.draw(rows, out / "ladder")
         parts.append(("The model ladder", report.ladder(rows)))
-    for name, title in (("tosses", "Real tosses of a cube"), ("ellipses", "Real impacts of an ellipse")):
+    for title, name, about, measures in (
+        ("Real tosses of a cube", "tosses", tosses.__doc__, {"position": "% of the width", "rotation": "°"}),
+        ("Real impacts of an ellipse", "ellipses", ellipses.__doc__, {"error": "%"}),
+    ):
         if rows := read(out / f"{name}.csv"):
-            parts.append((title, report.real(rows, name)))
+            text = report.real(rows, measures, f"flipcar chart {name} --data FOLDER")
+            parts.append((title, f"{about.strip()}\n\n{text}"))
     if rows := read(out / "reference.csv"):
         parts.append(("The reference of the scenes without a closed form", report.reference(rows)))
     return report.write(out, problems(), parts, precise)

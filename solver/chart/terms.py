@@ -62,6 +62,7 @@ def costs() -> dict[str, tuple[float, float]]:
     ball = Body(1.0, (3e-3, 4e-3, 5e-3), [(0.0, 0.0, -0.02)], radius=0.1)
     slides = start(0.25, (60, 0, 0), (0, 0, 0))
     rests = start(0.25, (0, 0, 0), (0, 0, 0))
+    central = Body(1.0, (3e-3, 4e-3, 5e-3), [(0.0, 0.0, 0.0)], radius=0.12)
     rolls = start(0.12, (1, 0.2, 0), (1, 2, 3))
     flies = start(1e5, (0, 0, 0), (0.5, 0.3, 0.2))
 
@@ -77,6 +78,7 @@ def costs() -> dict[str, tuple[float, float]]:
         "friction": left_out(Scene(box), slides, 0),
         "restitution": left_out(rough, slides, 1),
         "gyroscopic": left_out(Scene(cube, friction=0.5), flies, 2),
+        "centripetal": left_out(Scene(central, friction=0.5), rolls, 4),
         "sweep": left_out(Scene(ball, friction=0.5), rolls, 3),
         "curvature": (
             lambda: timed(Scene(ball, level, friction=0.5), rolls, law),
