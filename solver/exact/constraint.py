@@ -186,6 +186,47 @@ def begin_slip(hull, mu, contacts, rows, a_b, w, w_dot):
             contacts[k, 1], contacts[k, 2] = -p[1] / friction, -p[2] / friction
 
 
+@jit
+def share(mu, contacts, rows, n, lam):
+    """The forces of n contacts, from their equations' λ."""
+    i = 0
+    for c in range(n):
+        if contacts[int(rows[c, POINT]), 0] == STICKS:
+            put2(rows, c, P, (lam[i], lam[i + 1], lam[i + 2]))
+            i += 3
+        else:
+            s1, s2 = direction(rows, c, contacts)
+            put2(rows, c, P, (lam[i], -mu * lam[i] * s1, -mu * lam[i] * s2))
+            i += 1
+
+
+@jit
+def by_load(contacts, rows, n, space):
+    """Scale the friction's equations where points stick, so that the least norm is that of p_t/√p_n.
+
+    Which of many shares of friction bodies take is not theirs to say, but that one is within the cones can
+    be. Of least norm, all points take as much, those that carry little more than they can; so weighted,
+    each takes as it carries. The motion is the same. √p_n, relative, is left in the rows' RATE.
+    """
+    _rows, A, V, _B, _Q, r, _lam = space
+    largest = 0.0
+    for c in range(n):
+        largest = max(largest, rows[c, P])
+    i = 0
+    for c in range(n):
+        if contacts[int(rows[c, POINT]), 0] != STICKS:
+            i += 1
+            continue
+        s = sqrt(max(rows[c, P], 0.0) / largest) if largest > 0.0 else 1.0
+        rows[c, RATE] = s
+        for j in range(i + 1, i + 3):
+            r[j] *= s
+            for k in range(6):
+                A[j, k] *= s
+                V[j, k] *= s
+        i += 3
+
+
 @stage
 def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
     """(ẍ, ẇ), body axes, with the forces of n closed contacts, which are left in their rows' P.
@@ -211,21 +252,23 @@ def accelerations(body, hull, mu, a_b, torque, w, contacts, n, space):
     dv, dw = answer(count, space)
     x_ddot, w_ddot = add(a_b, dv), add(w_dot, dw)
 
-    i = 0
-    for c in range(n):
-        k = int(rows[c, POINT])
-        if contacts[k, 0] == STICKS:
-            put2(rows, c, P, (lam[i], lam[i + 1], lam[i + 2]))
-            i += 3
-            continue
-        s1, s2 = direction(rows, c, contacts)
-        put2(rows, c, P, (lam[i], -mu * lam[i] * s1, -mu * lam[i] * s2))
-        i += 1
-        if mu > 0.0:
-            u_dot = add(x_ddot, changing(hull, rows, c, w, w_ddot))
-            rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(
-                vec2(rows, c, AXES + 6), u_dot
-            )
+    share(mu, contacts, rows, n, lam)
+    if mu > 0.0 and n > 1 and count > n and margin(mu, contacts, rows, n) < 0.0:
+        by_load(contacts, rows, n, space)
+        answer(count, space)
+        share(mu, contacts, rows, n, lam)
+        for c in range(n):
+            if contacts[int(rows[c, POINT]), 0] == STICKS:
+                s = rows[c, RATE]
+                put2(rows, c, P, (rows[c, P], s * rows[c, P + 1], s * rows[c, P + 2]))
+    if mu > 0.0:
+        for c in range(n):
+            if contacts[int(rows[c, POINT]), 0] != STICKS:
+                s1, s2 = direction(rows, c, contacts)
+                u_dot = add(x_ddot, changing(hull, rows, c, w, w_ddot))
+                rows[c, RATE] = s1 * dot(vec2(rows, c, AXES + 3), u_dot) + s2 * dot(
+                    vec2(rows, c, AXES + 6), u_dot
+                )
     solvable = True
     if count == 1:
         D = 0.0  # N·K(N − μs)
