@@ -4,7 +4,8 @@ Along one run of "exact" in each scene there is a candidate every 0.1 s. It is t
 only flies; if nothing happens within a microsecond of it; if an independent integration finds one answer,
 and the same; and if the answer does not depend on the law of impacts. Where a point slides through an
 impact, it does: the path of Eq. 12 and Newton's law at once, with the same friction and restitution, then
-end far apart after half a second, and a chart would show laws, not accuracy. With μ = 0.8 points mostly stick.
+end far apart after half a second, and a chart would show laws, not accuracy. With μ = 0.8 points mostly
+stick.
 """
 
 from collections.abc import Iterator

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 from time import perf_counter
 
 import numpy as np
@@ -48,10 +49,10 @@ def measured(problem: Problem, engine: Engine, steps: int, repeats: int) -> tupl
     took = (perf_counter() - before) / max(1, len(times))
     row: Row = {"error": "", "energy": "", "penetration": "", "ns": "", "ns_p10": "", "ns_p90": ""}
     if run is not None and not reason:
-        error = problem.error(run)
+        off = problem.error(run)
         low, middle, high = np.percentile(times, [10, 50, 90])
         row = {
-            "error": error,
+            "error": off,
             "energy": energy_error(problem, run) if problem.keeps else "",
             "penetration": max(
                 0.0, -float(min(problem.scene.gap(run.at(n)).min() for n in range(len(run.t))))
@@ -60,8 +61,8 @@ def measured(problem: Problem, engine: Engine, steps: int, repeats: int) -> tupl
             "ns_p10": low,
             "ns_p90": high,
         }
-        if not error < problem.wrong:
-            reason = f"wrong: error {error:.2g}"
+        if not off < problem.wrong:
+            reason = f"wrong: error {off:.2g}"
     return {**row, "failed": reason}, took
 
 
@@ -116,8 +117,8 @@ def cells(
         quick: fewer and coarser steps.
     """
     for problem in problems:
-        for engine in (Ours("impulse"), Ours("baumgarte"), Ours("acceleration")):
-            yield (problem.name, engine.name), lambda p=problem, e=engine: curve(p, e, quick)
-        yield (problem.name, "exact"), lambda p=problem: exact_curve(p, quick)
+        for method in ("impulse", "baumgarte", "acceleration"):
+            yield (problem.name, method), partial(curve, problem, Ours(method), quick)
+        yield (problem.name, "exact"), partial(exact_curve, problem, quick)
         for engine in peers(problem):
-            yield (problem.name, engine.name), lambda p=problem, e=engine: curve(p, e, quick)
+            yield (problem.name, engine.name), partial(curve, problem, engine, quick)

@@ -352,7 +352,7 @@ def _rocking() -> Problem:
         def upright(t, y):
             return y[0]
 
-        upright.terminal, upright.direction = True, -1
+        vars(upright).update(terminal=True, direction=-1)
         options = {"method": "DOP853", "rtol": 1e-13, "atol": 1e-14}
         falls = solve_ivp(rocks, (0, duration), [0.5 * alpha, 0], events=upright, **options)
         rate = -falls.y[1, -1] * (1 - 1.5 * np.sin(alpha) ** 2)

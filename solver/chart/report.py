@@ -240,7 +240,8 @@ def write(folder: Path, problems: dict[str, Problem], parts: list[tuple[str, str
         "# Speed against accuracy, and where methods fail",
         "",
         f"Measured on {machine['date']}, {machine['cpu']}; {about}. One thread. Drawn from the CSV files "
-        "beside this page by `flipcar chart --redraw`; each part can be measured again by the command under it.",
+        "beside this page by `flipcar chart --redraw`; each part can be measured again by the command "
+        "under it.",
         "",
         *(("**A quick look: few and coarse steps, each timed once.**", "") if machine["quick"] else ()),
         "## Known limitations",

@@ -94,7 +94,7 @@ def measure(
 
         do("work-precision", "precision.csv", list(precision.cells(some, set_for, quick)))
     if every or "stability" in asked:
-        methods = [*(engine.Ours(method) for method in METHODS), *others]
+        methods: list[engine.Engine] = [*map(engine.Ours, METHODS), *others]
         do("stability", "stability.csv", _rows(stability.cells(methods, quick)))
     if every or "ladder" in asked:
         do("ladder", "ladder.csv", _rows(ladder.cells(quick, _car())))
@@ -111,7 +111,11 @@ def measure(
 
 def _rows(cells: Iterable[tuple[Any, Callable[[], Row]]]) -> list[Cell]:
     """Cells of one row each, as cells of several."""
-    return [((key,) if isinstance(key, str) else key, lambda work=work: [work()]) for key, work in cells]
+
+    def alone(work: Callable[[], Row]) -> Callable[[], list[Row]]:
+        return lambda: [work()]
+
+    return [((key,) if isinstance(key, str) else key, alone(work)) for key, work in cells]
 
 
 def _restarts(quick: bool) -> list[Cell]:

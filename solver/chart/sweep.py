@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable, Iterator
+from functools import partial
 
 import numpy as np
 
@@ -54,7 +55,7 @@ def cells(
             chosen = [some for some in settings if make(name, **some).refuses(problem.scene) is None]
             if chosen:
                 chosen = chosen[:TRIED_WHEN_QUICK] if quick else chosen
-                yield (problem.name, name), lambda p=problem, n=name, s=chosen: tries(p, n, s)
+                yield (problem.name, name), partial(tries, problem, name, chosen)
 
 
 def best(rows: list[Row], wrong: dict[str, float]) -> dict[tuple[str, str], dict]:
