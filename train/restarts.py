@@ -9,7 +9,6 @@ stick.
 """
 
 from collections.abc import Iterator
-from typing import Any
 
 import numpy as np
 from tqdm import tqdm
@@ -109,8 +108,8 @@ def gather(found: list[State]) -> State:
     return from_rows(np.array([to_rows(state) for state in found]))
 
 
-def make(name: str) -> tuple[Restarts, list[dict[str, Any]]]:
-    """The restarts of one scene, and their rows of the reference's table."""
+def make(name: str) -> Restarts:
+    """The restarts of one scene."""
     scene, first, torque = runs()[name]
 
     def restarts(times: list[float], starts: list[State], answers: list[State]) -> Restarts:
@@ -119,7 +118,6 @@ def make(name: str) -> tuple[Restarts, list[dict[str, Any]]]:
         )
 
     kept: list[tuple[float, State, State]] = []
-    rows = []
     for t, start in tqdm(candidates(scene, first, torque), desc=name, unit=" candidates"):
         if kept and t < kept[-1][0] + APART - 1e-9:
             continue
@@ -134,20 +132,17 @@ def make(name: str) -> tuple[Restarts, list[dict[str, Any]]]:
         if not row["impacts"] + row["impacts_of_several"] + row["most_closed"]:
             tqdm.write(f"{name}, {t:.1f} s: left out, it only flies")
         elif off < AGREES and law < AGREES:
-            rows.append({**row, "restart": len(kept)})
             kept.append((t, start, answer))
         else:
             tqdm.write(f"{name}, {t:.1f} s: left out, off by {off:.1e}, impact laws by {law:.1e}")
         if len(kept) == MOST:
             break
-    return restarts(*map(list, zip(*kept, strict=True))), rows
+    return restarts(*map(list, zip(*kept, strict=True)))
 
 
 def main() -> None:
-    """Make them all, and write them with the table."""
-    made = [make(name) for name in TITLES]
-    save(FILE, [restarts for restarts, _rows in made])
-    reference.write([row for _restarts, rows in made for row in rows])
+    """Make them all, and write them."""
+    save(FILE, [make(name) for name in TITLES])
 
 
 if __name__ == "__main__":

@@ -16,7 +16,7 @@ from solver.model import MEMORY
 from solver.scene import Scene, State, to_kernel, to_principal
 from solver.simulate import EXTRA, KERNELS, kernel_arguments, option_values, simulate
 
-TIMED_STEPS = 20_000
+TIMED_SECONDS = 0.05
 """A run shorter than this is repeated, and the median of its times taken."""
 MAX_ROUNDS = 200
 
@@ -132,8 +132,10 @@ class Ours:
             raise EngineError(str(error)) from error
         calls = self._calls(scene, starts, to_principal(scene.body, torques), h)
         pieces = records * steps // len(torques)
-        rounds = max(1, min(MAX_ROUNDS, TIMED_STEPS // (records * steps * len(starts.x))))
-        times = [calls(pieces) - calls(0) for _ in range(rounds)]
+        times: list[float] = []
+        until = perf_counter() + TIMED_SECONDS
+        while not times or (len(times) < MAX_ROUNDS and perf_counter() < until):
+            times.append(calls(pieces) - calls(0))
         return Trajectory(run.t, run.x, run.quat, run.v, run.w, max(0.0, float(np.median(times))))
 
     def _calls(self, scene: Scene, starts: State, torques: np.ndarray, h: float) -> Callable[[int], float]:

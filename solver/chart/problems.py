@@ -382,8 +382,7 @@ def _restart(restart: restarts.Restarts) -> Problem:
     return Problem(
         restart.name,
         restart.title,
-        "pose after half a second, the median of restarts: the larger of the angle and the distance over the "
-        "radius",
+        "pose after half a second, median of restarts: √(angle² + (distance over the radius)²)",
         '"exact", certified by an independent integration',
         restart.scene,
         restart.starts,

@@ -7,23 +7,21 @@
 
 It shares scenes and states with the solver, and no line of mechanics. It knows planes only.
 
-`python -m solver.chart.reference` plays every restart of `restarts.problems`, and says how far the answers
-that are stored with them are from its own.
+`flipcar chart reference` plays every restart of `restarts.problems`, and says how far the answers that are
+stored with them are from its own.
 """
 
-import csv
 from collections import Counter
 from typing import Any
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from tqdm import tqdm
 
 from solver.scene import Scene, State
 
 from .coulomb import OFF, SLIDES, STICKS, Undetermined, contacts, room, roomiest, solve
 from .path import strike, until
-from .restarts import RESULTS, Restarts, angle, from_rows, problems, to_rows
+from .restarts import Restarts, angle, from_rows, to_rows
 
 NEAR = 1e-9
 """m, m/s: points this near the surface touch it; slower ones neither close nor slip."""
@@ -291,25 +289,3 @@ def differences(a: State, b: State) -> tuple[float, float, float, float]:
     """|Δx| m, angle rad, |Δv| m/s, |Δw| rad/s."""
     x, v, w = (float(np.linalg.norm(p - q)) for p, q in ((a.x, b.x), (a.v, b.v), (a.w, b.w)))
     return x, float(angle(a.quat, b.quat)), v, w
-
-
-def write(rows: list[dict[str, Any]]) -> None:
-    """Print the table and write it."""
-    with open(RESULTS / "reference.csv", "w", newline="") as file:
-        table = csv.DictWriter(file, COLUMNS, lineterminator="\n")
-        table.writeheader()
-        print(*COLUMNS)
-        for row in rows:
-            text = {name: f"{v:.3g}" if isinstance(v, float) else str(v) for name, v in row.items()}
-            table.writerow(text)
-            print(*text.values())
-
-
-def main() -> None:
-    """Certify all restarts."""
-    everything = [(problem, k) for problem in problems() for k in range(len(problem.times))]
-    write([certify(problem, k) for problem, k in tqdm(everything, unit=" restarts")])
-
-
-if __name__ == "__main__":
-    main()

@@ -6,7 +6,7 @@
 
 The starts lie along a run of "exact". The answers are "exact"'s too, at its finest; `reference` says how
 far an independent integration is from them. The car's sharp points are given a radius of `ROUNDED`, so that
-every engine can have the same body. Everything is data, in `results/restarts.npz`, which
+every engine can have the same body. Everything is data, in `restarts.npz`, which
 `python -m train.restarts` writes (the car is above the solver).
 """
 
@@ -20,9 +20,7 @@ from solver.rotation import product
 from solver.scene import Scene, State
 from solver.surface import Plane
 
-RESULTS = Path(__file__).parent / "results"
-
-FILE = RESULTS / "restarts.npz"
+FILE = Path(__file__).parent / "restarts.npz"
 
 ROUNDED = 0.02
 """m; radius of those of the car's points that are sharp."""
