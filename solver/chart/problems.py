@@ -401,7 +401,9 @@ def problems() -> dict[str, Problem]:
         _stored("spin", "a free spin that turns over, 60 s", extended, keeps=True),
         _stored("top", "a lopsided top on a frictionless tip", extended, keeps=True),
         _stored("skid", "an off-centre sphere skids in a curve", extended),
-        _stored("tippe", "a tippe top turns over", "an independent event-driven integration"),
+        _stored(
+            "tippe", "a tippe top turns over", '"exact" at its finest (an independent integration: to 2e-5)'
+        ),
         _block(),
         _roll(),
         _slope(),
