@@ -138,7 +138,7 @@ def test_a_quick_look_at_everything_and_drawing_it_again(tmp_path, capsys, monke
     assert report.index("Known limitations") < report.index("The front")
     with (out / "precision.csv").open() as file:
         table = list(csv.DictReader(file))
-    assert {"impulse", "exact", "MuJoCo RK4", "PyBullet", "Rapier"} <= {row["method"] for row in table}
+    assert {"impulse", "exact", "MuJoCo Euler", "PyBullet", "Rapier"} <= {row["method"] for row in table}
     assert json.loads((out / "machine.json").read_text())["quick"]
 
     before = (out / "report.md").read_bytes(), (out / "precision.csv").read_bytes()

@@ -16,7 +16,7 @@ from solver.model import MEMORY
 from solver.scene import Scene, State, to_kernel, to_principal
 from solver.simulate import EXTRA, KERNELS, kernel_arguments, option_values, simulate
 
-TIMED_SECONDS = 0.05
+TIMED_SECONDS = 0.02
 """A run shorter than this is repeated, and the median of its times taken."""
 MAX_ROUNDS = 200
 

@@ -11,7 +11,7 @@ from solver.errors import one_of
 from solver.scene import Scene, State, from_kernel, to_kernel, to_principal
 from solver.surface import Plane
 
-TIMED_SECONDS = 0.05
+TIMED_SECONDS = 0.02
 """A run shorter than this is repeated, and the median of its times taken."""
 MAX_ROUNDS = 20
 EMPTY_ROUNDS = 3
