@@ -26,9 +26,9 @@ ROUNDED = 0.02
 """m; radius of those of the car's points that are sharp."""
 
 TITLES = {
-    "box": "A box tumbling with friction",
-    "roof": "The car rocking on its roof under torque",
-    "crash": "The car rolling out of a crash",
+    "box": "a box tumbling with friction",
+    "roof": "the car rocking on its roof under torque",
+    "crash": "the car rolling out of a crash",
 }
 
 
