@@ -109,6 +109,24 @@ def scene(play):
 
 
 @scene
+def a_box_holds_near_the_friction_angle_exactly():
+    """There equal shares of friction would leave the cones of the points that carry little."""
+    theta = np.arctan(0.45)
+    normal = np.array([np.sin(theta), 0, np.cos(theta)])
+    held = Scene(Body.box(1.0, (1, 1, 0.4)), Plane(normal), friction=0.5)
+    return lawful(held, State(0.2 * normal, turned([0, 1, 0], theta), ZERO, ZERO), 0.1, "exact", dt=0.1)
+
+
+@scene
+def a_box_on_its_deepest_point_alone():
+    """Several contacts left out: other points sink, so the laws do not hold."""
+    lean, start = on(Scene(BOX, friction=0.5, restitution=0.3), 0.05, TILTED, w=[1, 2, 0])
+    lean.law = (0.5, 0.3, None, None, None, 0.4)
+    run = simulate(lean, start, 0.4, 1 / 60)
+    return np.concatenate([run.x, run.quat, run.v, run.w], -1)
+
+
+@scene
 def random_tosses():
     """Any body, any ground, any law: a few steps each."""
     rng = np.random.default_rng(1)

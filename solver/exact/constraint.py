@@ -214,17 +214,15 @@ def by_load(contacts, rows, n, space):
         largest = max(largest, rows[c, P])
     i = 0
     for c in range(n):
-        if contacts[int(rows[c, POINT]), 0] != STICKS:
-            i += 1
-            continue
+        own = 3 if contacts[int(rows[c, POINT]), 0] == STICKS else 1
         s = sqrt(max(rows[c, P], 0.0) / largest) if largest > 0.0 else 1.0
         rows[c, RATE] = s
-        for j in range(i + 1, i + 3):
+        for j in range(i + 1, i + own):
             r[j] *= s
             for k in range(6):
                 A[j, k] *= s
                 V[j, k] *= s
-        i += 3
+        i += own
 
 
 @stage
