@@ -20,6 +20,7 @@ from solver.surface import Plane
 from . import restarts
 from .engine import Trajectory
 from .extended import ANSWERS
+from .restarts import angle
 
 G = 9.81
 ZERO = (0.0, 0.0, 0.0)
@@ -67,12 +68,6 @@ def turned(axis: tuple, angle: float) -> np.ndarray:
 def one(x, quat=UPRIGHT, v=ZERO, w=ZERO) -> State:
     """A batch of one start."""
     return State(*(np.array(a, dtype=np.float64)[None] for a in (x, quat, v, w)))
-
-
-def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between attitudes (..., 4), rad."""
-    chord = np.minimum(np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1))
-    return 4 * np.arcsin(np.minimum(1.0, chord / 2))
 
 
 def placed(scene: Scene, state: State) -> State:
