@@ -5,14 +5,19 @@ import json
 
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from oracle import random_quat
 
 from solver.chart import front, store
 from solver.chart.engine import EngineError, Ours
 from solver.chart.plots import apart
 from solver.chart.precision import measured
 from solver.chart.problems import problems
+from solver.chart.restarts import angle
 from solver.chart.store import claim, fill, read
 from solver.chart.sweep import best
+from solver.rotation import product
 from train.cli import main
 
 
@@ -23,6 +28,15 @@ def test_exact_meets_every_known_answer(name):
         problem.scene, problem.starts, problem.duration, problem.records, 1, problem.torque
     )
     assert problem.error(run) < (1e-6 if name == "tippe" else 2e-9)
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0, np.pi))
+def test_the_angle_between_equal_attitudes_is_exactly_none(seed, turned):
+    """Whatever the processor fuses: a model that changes nothing is to have the error 0."""
+    a, axis = random_quat(rng := np.random.default_rng(seed)), rng.normal(size=3)
+    b = product(np.array([np.cos(turned / 2), *(np.sin(turned / 2) * axis / np.linalg.norm(axis))]), a)
+    assert angle(a, a) == angle(a, -a) == 0.0
+    np.testing.assert_allclose([angle(a, b), angle(-b, a)], turned, rtol=1e-12, atol=1e-15)
 
 
 @pytest.mark.parametrize("name", list(problems()))

@@ -16,7 +16,6 @@ from pathlib import Path
 import numpy as np
 
 from solver.body import Body
-from solver.rotation import product
 from solver.scene import Scene, State
 from solver.surface import Plane
 
@@ -73,9 +72,9 @@ def from_rows(rows: np.ndarray) -> State:
 
 
 def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between attitudes (..., 4), rad: 2 atan2(|vector part|, |scalar part|) of a ⊗ b⁻¹."""
-    turn = product(a, b * [1, -1, -1, -1])
-    return 2.0 * np.arctan2(np.linalg.norm(turn[..., 1:], axis=-1), np.abs(turn[..., 0]))
+    """Between attitudes (..., 4), rad: 4 atan2(|a - b|, |a + b|), a and -a being one; 0 between equals."""
+    less, more = np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
+    return 4.0 * np.arctan2(np.minimum(less, more), np.maximum(less, more))
 
 
 def error(problem: Restarts, final: State) -> np.ndarray:
