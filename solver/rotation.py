@@ -1,6 +1,7 @@
 """Quaternions (w, x, y, z; body to world) on arrays with any leading axes."""
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 
 def to_matrix(quat: np.ndarray) -> np.ndarray:
@@ -51,3 +52,16 @@ def product(a: np.ndarray, b: np.ndarray) -> np.ndarray:
         ],
         -1,
     )
+
+
+def from_vector(vector: ArrayLike) -> np.ndarray:
+    """Unit quaternions (..., 4) of turns by |vector| rad about vectors (..., 3)."""
+    vector = np.asarray(vector, dtype=np.float64)
+    half = 0.5 * np.linalg.norm(vector, axis=-1, keepdims=True)
+    return np.concatenate([np.cos(half), 0.5 * np.sinc(half / np.pi) * vector], -1)
+
+
+def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """Between attitudes (..., 4), rad: 4 atan2(|a - b|, |a + b|), a and -a being one; 0 between equals."""
+    less, more = np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
+    return 4.0 * np.arctan2(np.minimum(less, more), np.maximum(less, more))

@@ -14,10 +14,9 @@ from solver.chart.engine import EngineError, Ours
 from solver.chart.plots import apart
 from solver.chart.precision import measured
 from solver.chart.problems import problems
-from solver.chart.restarts import angle
 from solver.chart.store import claim, fill, read
 from solver.chart.sweep import best
-from solver.rotation import product
+from solver.rotation import angle, from_vector, product
 from train.cli import main
 
 
@@ -34,7 +33,7 @@ def test_exact_meets_every_known_answer(name):
 def test_the_angle_between_equal_attitudes_is_exactly_none(seed, turned):
     """Whatever the processor fuses: a model that changes nothing is to have the error 0."""
     a, axis = random_quat(rng := np.random.default_rng(seed)), rng.normal(size=3)
-    b = product(np.array([np.cos(turned / 2), *(np.sin(turned / 2) * axis / np.linalg.norm(axis))]), a)
+    b = product(from_vector(turned * axis / np.linalg.norm(axis)), a)
     assert angle(a, a) == angle(a, -a) == 0.0
     np.testing.assert_allclose([angle(a, b), angle(-b, a)], turned, rtol=1e-12, atol=1e-15)
 

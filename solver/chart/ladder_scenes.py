@@ -5,10 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from solver.body import Body
+from solver.rotation import from_vector
 from solver.scene import Scene, State
 from solver.surface import HeightField, Plane
 
-from .problems import ZERO, one, placed, turned
+from .problems import ZERO, one, placed
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,19 +55,19 @@ def cases(car: Body | None = None) -> list[Case]:
         Case(
             "off-centre sphere skids",
             skid,
-            placed(skid, one((0, 0, 0.2), turned((1, 0, 0), 0.6), (1, 0.3, 0), (20, -5, 10))),
+            placed(skid, one((0, 0, 0.2), from_vector((0.6, 0, 0)), (1, 0.3, 0), (20, -5, 10))),
         ),
         Case("sphere rolls down", roll, one(R * N, v=down, w=np.cross(N, down) / R)),
         Case("block slides", slide, one((0, 0, 0.25), v=(2, 0.5, 0), w=(0, 0, 3))),
         Case("ball bounces", bounce, one((0, 0, 0.4), v=(1, 0, 0), w=(3, 2, 1))),
-        Case("block rocks", rock, placed(rock, one((0, 0, 0.2), turned((0, 1, 0), 0.15)))),
-        Case("box tossed", toss, one((0, 0, 0.6), turned((0.6, 0, 0.8), 0.7), (2, 1, -1), (6, -5, 4))),
+        Case("block rocks", rock, placed(rock, one((0, 0, 0.2), from_vector((0, 0.15, 0))))),
+        Case("box tossed", toss, one((0, 0, 0.6), from_vector((0.42, 0, 0.56)), (2, 1, -1), (6, -5, 4))),
         Case("ball on bumpy ground", bumps, _rolling(bumpy, R, (0.1, 0.05), (1.5, 0.7))),
     ]
     if car is not None:
         ground = Scene(car, friction=0.8)
-        roof = placed(ground, one((0, 0, 1), turned((1, 0, 0), np.pi - 0.15)))
-        crash = one((0, 0, 1.3), turned((1, 0, 0), 1.8), (12, 3, -3), (5, 1, 2))
+        roof = placed(ground, one((0, 0, 1), from_vector((np.pi - 0.15, 0, 0))))
+        crash = one((0, 0, 1.3), from_vector((1.8, 0, 0)), (12, 3, -3), (5, 1, 2))
         found += [
             Case("car on its roof, torque", ground, roof, torque=(3100.0, 0.0, 0.0)),
             Case("car rolls out of a crash", ground, crash),

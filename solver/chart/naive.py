@@ -6,22 +6,15 @@ a name ends in `_b`, and a plane's normal is z where a function takes no scene.
 
 import numpy as np
 
-from solver.rotation import product, to_matrix
+from solver.rotation import from_vector, product, to_matrix
 from solver.scene import Scene, State
 
 # ---------------------------------------------------------------- the body, as it is without any contact
 
 
-def turned(quat: np.ndarray, w: np.ndarray, h: float) -> np.ndarray:
-    """The attitude after turning with constant w (rad/s, world axes) for h seconds."""
-    angle = h * np.linalg.norm(w)
-    axis = w / np.linalg.norm(w) if angle > 0 else w
-    return product(np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * axis]), quat)
-
-
 def fly(state: State, v: np.ndarray, w: np.ndarray, h: float) -> State:
     """Move by the velocities given, which the state then has: the second half of semi-implicit Euler."""
-    return State(state.x + h * v, turned(state.quat, w, h), v, w)
+    return State(state.x + h * v, product(from_vector(h * w), state.quat), v, w)
 
 
 class Rows:
@@ -98,7 +91,7 @@ def fixed_length_spin(J: np.ndarray, L_b: np.ndarray, h: float) -> np.ndarray:
     about its axis of least inertia, E = |L|²/(2 J_min), whatever axis it started on. A top that spins
     about its axis of greatest inertia tips off it: sin²θ grows by 1 + (w₃h)² J₃(J₃ − J₁)/J₁² a step.
     """
-    R = to_matrix(turned(np.array([1.0, 0, 0, 0]), L_b / J, h))
+    R = to_matrix(from_vector(h * L_b / J))
     return R.T @ L_b
 
 

@@ -13,14 +13,13 @@ from functools import cache
 import numpy as np
 
 from solver.body import Body
-from solver.rotation import to_matrix
+from solver.rotation import angle, from_vector, to_matrix
 from solver.scene import Scene, State
 from solver.surface import Plane
 
 from . import restarts
 from .engine import Trajectory
 from .extended import ANSWERS
-from .restarts import angle
 
 G = 9.81
 ZERO = (0.0, 0.0, 0.0)
@@ -60,11 +59,6 @@ class Problem:
     keeps: bool = False
 
 
-def turned(axis: tuple, angle: float) -> np.ndarray:
-    """The attitude after turning by an angle (rad) about a unit axis."""
-    return np.concatenate([[np.cos(angle / 2)], np.sin(angle / 2) * np.asarray(axis)])
-
-
 def one(x, quat=UPRIGHT, v=ZERO, w=ZERO) -> State:
     """A batch of one start."""
     return State(*(np.array(a, dtype=np.float64)[None] for a in (x, quat, v, w)))
@@ -94,13 +88,13 @@ def _top() -> tuple[Scene, State]:
 
 def _skid() -> tuple[Scene, State]:
     scene = Scene(Body(1.0, np.full(3, 0.004), [(0, 0, -0.02)], radius=0.1), friction=0.1)
-    return scene, placed(scene, one((0, 0, 0.2), turned((1, 0, 0), 0.6), (1, 0.3, 0), (20, -5, 10)))
+    return scene, placed(scene, one((0, 0, 0.2), from_vector((0.6, 0, 0)), (1, 0.3, 0), (20, -5, 10)))
 
 
 def _tippe() -> tuple[Scene, State]:
     R, m = 0.02, 0.02
     scene = Scene(Body(m, np.full(3, 0.4 * m * R**2), [(0, 0, 0.3 * R)], radius=R), friction=0.05)
-    quat = turned((1, 0, 0), 0.5)
+    quat = from_vector((0.5, 0, 0))
     return scene, placed(scene, one((0, 0, R), quat, w=100 * to_matrix(quat)[:, 2]))
 
 
@@ -209,7 +203,7 @@ def _slope() -> Problem:
         "creep in the second half, m/s",
         "it does not move",
         scene,
-        one(x, turned((0, 1, 0), theta)),
+        one(x, from_vector((0, theta, 0))),
         duration,
         10,
         error,
@@ -286,7 +280,7 @@ def _garwin() -> Problem:
     turn = spin * strikes + (spin - R * P_t / (0.4 * R**2)) * left
 
     def error(run: Trajectory) -> float:
-        return float(off(scene, run.at(-1), x, turned((0, 1, 0), turn))[0])
+        return float(off(scene, run.at(-1), x, from_vector((0, turn, 0)))[0])
 
     return Problem(
         "garwin",
@@ -315,7 +309,7 @@ def _rod() -> Problem:
     turn = theta - arm * P / J * (duration - strikes)
 
     def error(run: Trajectory) -> float:
-        return float(off(scene, run.at(-1), x, turned((0, 1, 0), turn))[0])
+        return float(off(scene, run.at(-1), x, from_vector((0, turn, 0)))[0])
 
     return Problem(
         "rod",
@@ -323,7 +317,7 @@ def _rod() -> Problem:
         "pose at the end: the larger of the angle, rad, and the distance over the radius",
         "closed form: P = (1 + e) m v / (1 + 3 cos²θ)",
         scene,
-        one((0, 0, z), turned((0, 1, 0), theta), (0, 0, -speed)),
+        one((0, 0, z), from_vector((0, theta, 0)), (0, 0, -speed)),
         duration,
         3,
         error,
@@ -335,7 +329,7 @@ def _rocking() -> Problem:
     alpha = np.arctan2(b, h)
     p2 = 0.75 * G / np.hypot(b, h)
     scene = Scene(Body.box(1.0, (2 * b, 0.2, 2 * h)), friction=5.0)
-    quat = turned((0, 1, 0), 0.5 * alpha)
+    quat = from_vector((0, 0.5 * alpha, 0))
 
     @cache
     def tilt() -> float:
@@ -354,7 +348,7 @@ def _rocking() -> Problem:
         return -solve_ivp(rocks, (falls.t[-1], duration), [0, rate], **options).y[0, -1]
 
     def error(run: Trajectory) -> float:
-        return float(angle(run.quat[-1, 0], turned((0, 1, 0), tilt())))
+        return float(angle(run.quat[-1, 0], from_vector((0, tilt(), 0))))
 
     return Problem(
         "rocking",

@@ -17,11 +17,12 @@ from typing import Any
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from solver.rotation import angle
 from solver.scene import Scene, State
 
 from .coulomb import OFF, SLIDES, STICKS, Undetermined, contacts, room, roomiest, solve
 from .path import strike, until
-from .restarts import Restarts, angle, from_rows, to_rows
+from .restarts import Restarts, from_rows, to_rows
 
 NEAR = 1e-9
 """m, m/s: points this near the surface touch it; slower ones neither close nor slip."""

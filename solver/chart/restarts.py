@@ -16,6 +16,7 @@ from pathlib import Path
 import numpy as np
 
 from solver.body import Body
+from solver.rotation import angle
 from solver.scene import Scene, State
 from solver.surface import Plane
 
@@ -69,12 +70,6 @@ def to_rows(state: State) -> np.ndarray:
 def from_rows(rows: np.ndarray) -> State:
     """The inverse of `to_rows`."""
     return State(*np.split(rows, [3, 7, 10], axis=-1))
-
-
-def angle(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Between attitudes (..., 4), rad: 4 atan2(|a - b|, |a + b|), a and -a being one; 0 between equals."""
-    less, more = np.linalg.norm(a - b, axis=-1), np.linalg.norm(a + b, axis=-1)
-    return 4.0 * np.arctan2(np.minimum(less, more), np.maximum(less, more))
 
 
 def error(problem: Restarts, final: State) -> np.ndarray:

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 from solver.chart.engine import Trajectory
-from solver.chart.naive import turned
 from solver.rotation import to_matrix
 from solver.scene import Scene, State
 
@@ -52,11 +51,6 @@ class Case:
 def starts(*rows: Sequence) -> State:
     """A batch of (x, quat, v, w)."""
     return State(*(np.array([row[i] for row in rows], dtype=float) for i in range(4)))
-
-
-def about(axis: Sequence[float], angle: float) -> np.ndarray:
-    """The attitude after a turn about an axis (unit length)."""
-    return turned(UPRIGHT, np.array(axis, dtype=float), angle)
 
 
 def whole(seconds: float) -> float:

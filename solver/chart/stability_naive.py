@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.chart import naive
 from solver.chart.engine import EngineError, Trajectory
-from solver.rotation import to_matrix
+from solver.rotation import from_vector, product, to_matrix
 from solver.scene import Scene, State
 
 
@@ -78,7 +78,7 @@ def spun(law: Callable) -> Step:
     def step(scene, state, h):
         R = to_matrix(state.quat)
         w = R @ law(np.diag(scene.body.J), R.T @ state.w, h)
-        return Pose(state.x, naive.turned(state.quat, w, h), state.v, w)
+        return Pose(state.x, product(from_vector(h * w), state.quat), state.v, w)
 
     return step
 
@@ -87,7 +87,7 @@ def fixed_length(scene, state, h):
     """L turned the other way in body axes, with its length."""
     J, R = np.diag(scene.body.J), to_matrix(state.quat)
     L_b = naive.fixed_length_spin(J, J * (R.T @ state.w), h)
-    quat = naive.turned(state.quat, state.w, h)
+    quat = product(from_vector(h * state.w), state.quat)
     return Pose(state.x, quat, state.v, to_matrix(quat) @ (L_b / J))
 
 

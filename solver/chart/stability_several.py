@@ -11,7 +11,6 @@ from solver.chart.stability_case import (
     UPRIGHT,
     ZERO,
     Set,
-    about,
     energy,
     g,
     gains,
@@ -22,7 +21,7 @@ from solver.chart.stability_case import (
     starts,
     whole,
 )
-from solver.rotation import product, to_matrix
+from solver.rotation import from_vector, product, to_matrix
 from solver.scene import Scene, State
 from solver.surface import Plane
 
@@ -45,7 +44,7 @@ def slope(fraction: float) -> Set:
     theta = np.arctan(0.5 * fraction)
     normal = np.array([np.sin(theta), 0.0, np.cos(theta)])
     scene = Scene(Body.box(1.0, (1.0, 1.0, 0.4)), Plane(normal), friction=0.5)
-    return scene, starts([0.2 * normal, about((0, 1, 0), theta), ZERO, ZERO]), 10.0
+    return scene, starts([0.2 * normal, from_vector((0, theta, 0)), ZERO, ZERO]), 10.0
 
 
 def creeps_not(scene: Scene, run: Trajectory) -> bool:
@@ -79,7 +78,7 @@ DROP, BASE = 0.5, (0.2, 0.25)
 def box_drop(size: Sequence[float], e: float) -> Set:
     """Flat, from three heights at three bearings."""
     rows = [
-        [(0, 0, size[2] / 2 + height), about((0, 0, 1), bearing), ZERO, ZERO]
+        [(0, 0, size[2] / 2 + height), from_vector((0, 0, bearing)), ZERO, ZERO]
         for height, bearing in ((DROP, 0.0), (1.06 * DROP, 0.3), (1.14 * DROP, 0.7))
     ]
     return (
@@ -115,7 +114,7 @@ def corner(rate: float) -> Set:
     """A box that spins fast, thrown down at 10 m/s."""
     scene = Scene(Body.box(1.0, (0.1, 0.2, 0.3)), friction=0.5)
     w = rate * np.array([800.0, 400.0, 450.0]) / np.linalg.norm([800.0, 400.0, 450.0])
-    rows = [[(0, 0, 1), about((1, 0, 0), angle), (0, 0, -10), w] for angle in (0.3, 1.0, 2.0)]
+    rows = [[(0, 0, 1), from_vector((angle, 0, 0)), (0, 0, -10), w] for angle in (0.3, 1.0, 2.0)]
     return scene, starts(*rows), whole(0.3)
 
 
@@ -138,7 +137,7 @@ def passing(rate: float) -> float:
 def dip(rate: float) -> Set:
     """A rod spinning in place. A step's end finds it a microsecond past its lowest, no longer closing."""
     scene = Scene(Body.rod(1.0, 2 * HALF_ROD), gravity=ZERO)
-    quat = about((0, 1, 0), np.pi / 2 - rate * (passing(rate) - 1e-6))
+    quat = from_vector((0, np.pi / 2 - rate * (passing(rate) - 1e-6), 0))
     return scene, starts([(0, 0, HALF_ROD - DIP), quat, ZERO, (0, rate, 0)]), 2 / COARSEST
 
 
@@ -165,7 +164,7 @@ def housner(slenderness: float) -> tuple[float, float, float]:
 def rocking(slenderness: float) -> Set:
     """Housner's block, let go at half the angle at which it would topple."""
     tilt, quarter, _r = housner(slenderness)
-    quat = about((0, 1, 0), tilt)
+    quat = from_vector((0, tilt, 0))
     x = -to_matrix(quat) @ [0.1, 0.0, -0.1 * slenderness]
     scene = Scene(Body.box(1.0, (0.2, 0.2, 0.2 * slenderness)), friction=2.0)
     return scene, starts([x, quat, ZERO, ZERO]), whole(1.6 * quarter)
@@ -186,7 +185,7 @@ def rocks(scene: Scene, run: Trajectory) -> bool:
 def edge(tip: float) -> Set:
     """A box that tips over about its edge, one end a fraction of a micrometre higher."""
     scene = Scene(Body.box(1.0, (0.2, 0.6, 0.2)))
-    quat = product(about((1, 0, 0), 1e-6), about((0, 1, 0), tip))
+    quat = product(from_vector((1e-6, 0, 0)), from_vector((0, tip, 0)))
     z = -scene.gap(State(ZERO, quat, ZERO, ZERO)).min()
     return scene, starts([(0, 0, z), quat, ZERO, ZERO]), whole(0.2)
 
@@ -201,7 +200,7 @@ ROD = Body.rod(1.0, 1.0)
 
 def strike(mu: float) -> Set:
     """A rod at 45° meets the ground with e = 1, in a dozen directions; without gravity."""
-    quat = about((0, 1, 0), np.pi / 4)
+    quat = from_vector((0, np.pi / 4, 0))
     z = 0.5 * np.sin(np.pi / 4) + 1e-3
     slips = np.linspace(0.2, np.pi - 0.2, 12)
     rows = [[(0, 0, z), quat, (np.cos(a), 0, -np.sin(a)), ZERO] for a in slips]
@@ -219,7 +218,7 @@ LEAN = np.arctan(2.0)
 
 def painleve(mu: float) -> Set:
     """A rod that slides on its lower end."""
-    start = [(0, 0, 0.5 * np.sin(LEAN)), about((0, 1, 0), LEAN), (1, 0, 0), ZERO]
+    start = [(0, 0, 0.5 * np.sin(LEAN)), from_vector((0, LEAN, 0)), (1, 0, 0), ZERO]
     return Scene(ROD, friction=mu), starts(start), 3 / COARSEST
 
 
@@ -227,7 +226,7 @@ def rod_slope(fraction: float) -> Set:
     """A rod falls on a slope of tanθ = fraction μ, at an angle to it."""
     theta = np.arctan(0.5 * fraction)
     normal = np.array([np.sin(theta), 0.0, np.cos(theta)])
-    quat = about((0, 1, 0), theta + 0.2)
+    quat = from_vector((0, theta + 0.2, 0))
     return Scene(ROD, Plane(normal), friction=0.5), starts([0.2 * normal, quat, ZERO, ZERO]), 5.0
 
 

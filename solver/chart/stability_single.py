@@ -8,7 +8,6 @@ from solver.chart.stability_case import (
     UPRIGHT,
     ZERO,
     Set,
-    about,
     energy,
     g,
     gains,
@@ -19,7 +18,7 @@ from solver.chart.stability_case import (
     states,
     whole,
 )
-from solver.rotation import to_matrix
+from solver.rotation import from_vector, to_matrix
 from solver.scene import Scene
 
 # --------------------------------------------------------------------------------------------- in flight
@@ -117,7 +116,7 @@ def precession(s: float) -> float:
 def top(s: float) -> Set:
     """On a frictionless tip, in steady precession."""
     body = Body(1.0, (TOP_J1, TOP_J1, TOP_J3), [(0, 0, -TOP_l)], radius=0.01)
-    quat = about((1, 0, 0), TOP_TILT)
+    quat = from_vector((TOP_TILT, 0, 0))
     w = np.array([0, 0, precession(s)]) + s * to_matrix(quat)[:, 2]
     return Scene(body), starts([(0, 0, TOP_l * np.cos(TOP_TILT) + 0.01), quat, ZERO, w]), 4.0
 
@@ -131,7 +130,7 @@ def precesses(scene: Scene, run: Trajectory) -> bool:
 def tippe(spin: float) -> Set:
     """A sphere whose centre of mass is off its centre, spun about its axis."""
     R, m = 0.02, 0.02
-    off, quat = 0.3 * R, about((1, 0, 0), 0.5)
+    off, quat = 0.3 * R, from_vector((0.5, 0, 0))
     axis = to_matrix(quat)[:, 2]
     body = Body(m, np.full(3, 0.4 * m * R**2), [(0, 0, off)], radius=R)
     return Scene(body, friction=0.05), starts([(0, 0, R - off * axis[2]), quat, ZERO, spin * axis]), 6.0
