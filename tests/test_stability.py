@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from solver.chart import naive, stability
+from solver.chart.engine import Ours
 from solver.chart.stability_naive import NAIVE, Naive
 from solver.chart.stability_plot import draw, label
 from solver.chart.stability_scenes import CASES
@@ -14,7 +15,7 @@ from solver.terms import full
 
 CASE = {case.name: case for case in CASES}
 OF = {engine.name: engine for engine in NAIVE}
-IMPULSE, EXACT = stability.Untimed("impulse"), stability.Untimed("exact")
+IMPULSE, EXACT = Ours("impulse", timed=False), Ours("exact", timed=False)
 
 
 def right(engine, scene, hz, value=None):

@@ -5,6 +5,7 @@ stepping alone took. Everything that a chart shows comes from that.
 """
 
 from collections.abc import Callable
+from copy import copy
 from dataclasses import dataclass
 from time import perf_counter
 from typing import Protocol
@@ -15,6 +16,7 @@ from solver.errors import SolverError
 from solver.model import MEMORY
 from solver.scene import Scene, State, to_kernel, to_principal
 from solver.simulate import EXTRA, KERNELS, kernel_arguments, option_values, simulate
+from solver.terms import full
 
 TIMED_SECONDS = 0.02
 """A run shorter than this is repeated, and the median of its times taken."""
@@ -100,13 +102,18 @@ class Ours:
 
     Args:
         method: one of `solver.METHODS`.
+        lean: its kernel has the scene's own terms only. If not it has every term, which changes no bit: one
+            kernel serves all scenes, so that a quick look need not compile one for each.
+        timed: if not, a run's time is 0 and takes none: for where only the answer counts.
         options: of the method.
     """
 
-    def __init__(self, method: str, **options):
+    def __init__(self, method: str, lean: bool = True, timed: bool = True, **options):
         self.name = method
         self.version = "this"
         self.settings = options
+        self.lean = lean
+        self.timed = timed
 
     def refuses(self, scene: Scene) -> str | None:
         """Nothing is refused beforehand."""
@@ -114,6 +121,9 @@ class Ours:
 
     def play(self, scene, starts, duration, records, steps, torque=None) -> Trajectory:
         """As in `Engine`. The time is the kernel's alone: of its calls, less that of as many empty ones."""
+        if not self.lean:
+            scene = copy(scene)
+            scene.law = full(scene.friction, scene.restitution)
         interval = duration / records
         h = interval / steps
         torques = np.zeros((1, 3)) if torque is None else torque
@@ -130,6 +140,8 @@ class Ours:
             )
         except SolverError as error:
             raise EngineError(str(error)) from error
+        if not self.timed:
+            return Trajectory(run.t, run.x, run.quat, run.v, run.w, 0.0)
         calls = self._calls(scene, starts, to_principal(scene.body, torques), h)
         pieces = records * steps // len(torques)
         times: list[float] = []

@@ -29,6 +29,7 @@ def save(figure, path: Path) -> None:
     import matplotlib.pyplot as plt
 
     figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
+    figure.set_layout_engine("none")  # laid out once is enough
     figure.savefig(path.with_suffix(".png"), dpi=110)
     plt.close(figure)
 

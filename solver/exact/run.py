@@ -48,9 +48,10 @@ STEP_TOL = 0.05
 NEAR = 1e-12
 """m: points this near when another comes down strike with it."""
 
-SOFT = 1e-8
+SOFT = 1e-6
 """m/s: several points that touch and close slower than that are at rest from now on. What that leaves
-out are hops of less than 1e-17 m, below what positions can tell, and 1e-8 m/s of slip."""
+out are hops of less than 1e-13 m, which positions can hardly tell from none, and as much slip. At 1e-8 hops
+would be below the rounding of positions, and a slender box that lands flat would hop for minutes."""
 
 BRIEF = 1e-9
 """A hop is so short that its acceleration changes by less than that part."""
