@@ -54,7 +54,7 @@ def _error(axes: Any, rows: Rows) -> None:
         found = pick(rows, "error", method="impulse", control_steps=horizon)
         n = [row["substeps"] for row in found]
         for column, line, tail in (
-            ("action_rare", "-", "in all but 1 of 250 steps"),
+            ("action_rare", "-", "in all but 1\nof 250 steps"),
             ("action_p50", ":", "in half of them"),
         ):
             error = np.maximum([row[column] for row in found], RESOLUTION / 2)
@@ -62,7 +62,7 @@ def _error(axes: Any, rows: Rows) -> None:
             if column == "action_rare":
                 _label(axes, f"after {name}", (n[-1], error[-1]), (5, 0), color=colour)
             if horizon == HORIZONS[-1]:
-                _label(axes, tail, (n[0], error[0]), (-2, 11))
+                _label(axes, tail, (n[0], error[0]), (-2, 13))
     for level, text in ((NOTICED, "a policy notices"), (RESOLUTION, "float32 resolution")):
         axes.axhline(level, color=OTHER, linewidth=1)
         _label(axes, text, (n[-1], level), (5, 6))
