@@ -43,11 +43,12 @@ def full(friction: float, restitution: float) -> Law:
 COST = {
     "friction": 40,
     "restitution": 0,
-    "gyroscopic": 20,
+    "gyroscopic": 10,
+    "centripetal": 0,
     "sweep": 0,
-    "curvature": 430,
-    "contact work": 280,
-    "steps at rest": 310,
+    "curvature": 370,
+    "contact work": 220,
+    "steps at rest": 240,
 }
 """ns a step that leaving the term out saves: differences of medians by `python -m solver.chart.terms`, on
 two shared cores of a virtual x86-64 machine. Less than 10 there cannot be told from 0, and a step of flight
