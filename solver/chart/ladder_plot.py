@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from .ladder import NOTHING, TERMS, least
+from .plots import save
 
 LABELS = {"sweep": "several\ncontacts", NOTHING: "nothing\nleft out"}
 FLOOR, CEILING = 1e-8, 1.0
@@ -74,11 +75,7 @@ def draw(rows: Sequence[dict], path: Path) -> list[Path]:
         "the leaner model moves so that it has more contacts to serve.",
         fontsize=9, va="top",
     )  # fmt: skip
-    path = Path(path)
-    files = [path.with_suffix(suffix) for suffix in (".svg", ".png")]
-    for file in files:
-        figure.savefig(file, dpi=150)
-    return files
+    return save(figure, Path(path), dpi=150)
 
 
 def _cell(axes: Any, i: int, j: int, row: dict, shades: Any) -> None:

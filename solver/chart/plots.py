@@ -24,14 +24,15 @@ PEERS = "#c2410c"
 GRID = {"color": "#e3e3e3", "linewidth": 0.6}
 
 
-def save(figure, path: Path) -> None:
-    """As SVG and as PNG."""
-    import matplotlib.pyplot as plt
-
-    figure.savefig(path.with_suffix(".svg"), metadata={"Date": None})
+def save(figure, path: Path, dpi: int = 110) -> list[Path]:
+    """As SVG and as PNG, the same bytes each time; returns both paths."""
+    plt = style()
+    files = [path.with_suffix(suffix) for suffix in (".svg", ".png")]
+    figure.savefig(files[0], metadata={"Date": None})
     figure.set_layout_engine("none")  # laid out once is enough
-    figure.savefig(path.with_suffix(".png"), dpi=110)
+    figure.savefig(files[1], dpi=dpi)
     plt.close(figure)
+    return files
 
 
 def style():

@@ -9,6 +9,8 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.patches import Rectangle
 
+from .plots import save
+
 STEP = "dt"
 SCALE = LinearSegmentedColormap.from_list("map", ["#f6d9a8", "#f3eec4", "#bfe0c0", "#6bb58f"])
 NEVER, REFUSED = "#e9a59b", "#f2f2f2"
@@ -53,10 +55,7 @@ def draw(rows: Iterable[Row], path: str | Path) -> list[Path]:
         "Hardest scene that is right, at a step of 1/240 s",
     )
     _list(axes[2], lists)
-    files = [Path(path).with_suffix(suffix) for suffix in (".svg", ".png")]
-    for file in files:
-        figure.savefig(file, dpi=200, facecolor="white")
-    return files
+    return save(figure, Path(path), dpi=200)
 
 
 def text(row: Row, value: Any, digits: int = 4) -> str:
