@@ -94,7 +94,7 @@ def measure(
 
         do("work-precision", "precision.csv", list(precision.cells(some, set_for, quick)))
     if every or "stability" in asked:
-        methods: list[engine.Engine] = [engine.Ours(name, not quick, timed=False) for name in METHODS]
+        methods: list[engine.Engine] = [engine.Ours(name, lean=not quick, timed=False) for name in METHODS]
         do("stability", "stability.csv", _rows(stability.cells([*methods, *others], quick)))
     if every or "ladder" in asked:
         do("ladder", "ladder.csv", _rows(ladder.cells(quick, _car())))
