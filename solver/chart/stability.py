@@ -5,7 +5,7 @@ such that this and all shorter ones give the right kind of answer; or, with the 
 the hardest value of the scene's parameter such that this and all easier ones do.
 """
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from functools import partial
 from typing import Any
 
@@ -148,24 +148,3 @@ def cells(
                 key = (engine.name, case.name, case.varied)
                 made.append((key, partial(row, engine, case, case.varied, values)))
     return made
-
-
-def study(
-    engines: Iterable[Engine],
-    quick: bool = False,
-    progress: Callable[[list], Iterable] = iter,
-    done: Iterable[Key] = (),
-    cases: Sequence[Case] = CASES,
-) -> Iterator[Row]:
-    """The rows of the map, one after another; each is computed by itself.
-
-    Args:
-        engines: as in `cells`.
-        quick: as in `cells`.
-        progress: wraps the list of cells, as tqdm does.
-        done: cells to leave out.
-        cases: as in `cells`.
-    """
-    skip = set(done)
-    for _key, make in progress([cell for cell in cells(engines, quick, cases) if cell[0] not in skip]):
-        yield make()

@@ -28,7 +28,7 @@ def draw(rows: Iterable[Row], path: str | Path) -> list[Path]:
     steps or in easier scenes than those named. A number behind a bar is the limit known beforehand.
 
     Args:
-        rows: of `stability.study`, or as read from CSV.
+        rows: of `stability.cells`, or as read from CSV.
         path: of the picture, its suffix apart.
 
     Returns:
