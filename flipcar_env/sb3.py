@@ -7,7 +7,7 @@ import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
 from . import row as r
-from .env import Core
+from .core import Core
 
 
 class FlipCarVecEnv(VecEnv):

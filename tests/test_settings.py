@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from flipcar_env import load_policy, task
-from flipcar_env.env import Core
+from flipcar_env.core import Core
 from flipcar_env.starts import KINDS
 from train import settings, settings_plot, settings_verdict
 from train.evaluate import evaluate, wilson

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from flipcar_env import row as r
-from flipcar_env.env import Core
+from flipcar_env.core import Core
 
 UNSEEN = 1_000_000_000
 """First seed of evaluations; training uses small ones."""

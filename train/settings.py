@@ -19,7 +19,7 @@ import numpy as np
 
 from flipcar_env import car, task
 from flipcar_env import row as r
-from flipcar_env.env import GRAVITY, Core
+from flipcar_env.core import GRAVITY, Core
 from flipcar_env.policy import load_policy
 from flipcar_env.starts import KINDS
 from solver.chart.engine import Ours
