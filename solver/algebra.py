@@ -4,50 +4,72 @@ A vector is (a0, a1, a2); a quaternion is (w, x, y, z), body to world; a matrix 
 by row. Tuples live in registers: `np.cross` and `np.dot` on 3-vectors are about thirty times slower.
 """
 
-from functools import partial
-from math import sqrt
-
 from numba import njit, types
 from numba.core import cgutils, config
+from numba.core.dispatcher import Dispatcher
 from numba.extending import intrinsic
+
+from .trace import fma, sqrt, traced
 
 # No liberties for the compiler (fastmath): the same formula has the same bits wherever it is compiled,
 # whatever surrounds it, on any processor. Where multiplying and adding in one pays, `fma` says so.
-jit = partial(njit, error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
-"""For small helpers: they dissolve in their caller. Left to itself the compiler calls most of them,
-passing each array as nine arguments, which costs more than what they do."""
-stage = partial(njit, error_model="numpy", no_cfunc_wrapper=True)
-"""For the stages of a step: called, not copied, which keeps compiling quick."""
-once = partial(njit, error_model="numpy", inline="always")
-"""For what has one caller or two, and is large: not compiled by itself first."""
-entry = partial(njit, error_model="numpy", cache=True, nogil=True)
-"""For the few functions that Python calls: compiled once, then kept on disk."""
+_HELPER = {"error_model": "numpy", "no_cfunc_wrapper": True, "no_cpython_wrapper": True}
 
 
-if config.DISABLE_JIT:
+class _Inner(Dispatcher):
+    """A function for kernels, without the code that lets Python call it: a third of its compiling.
 
-    def fma(a, b, c):
-        """a b + c, rounded twice here."""
-        return a * b + c
-else:
+    Python can call it all the same, through a kernel that is made when it first does.
+    """
 
-    @intrinsic
-    def fma(typingctx, a, b, c):
-        """a b + c, rounded once."""
-
-        def codegen(context, builder, signature, args):
-            return builder.fma(*args)
-
-        return types.float64(types.float64, types.float64, types.float64), codegen
+    def __call__(self, *args):
+        if not hasattr(self, "_outer"):
+            inner = self
+            self._outer = njit(lambda *args: inner(*args))
+        return self._outer(*args)
 
 
-@jit
+def _inner(function, **how):
+    dispatcher = njit(**_HELPER, **how)(function)
+    if not config.DISABLE_JIT:
+        dispatcher.__class__ = _Inner
+    return dispatcher
+
+
+def jit(function):
+    """For small helpers with branches or loops: they dissolve in their caller.
+
+    Left to itself the compiler calls most of them, passing each array as nine arguments, which costs more
+    than what they do.
+    """
+    return _inner(function, forceinline=True)
+
+
+def stage(function):
+    """For the stages of a step: called, not copied, which keeps compiling quick."""
+    return _inner(function, forceinline=False)  # or it would inherit that from a helper that calls it
+
+
+def entry(function):
+    """For the few functions that Python calls: compiled once, then kept on disk.
+
+    Numba keeps them beside the source, or in the user's own cache where that can't be written to. Where
+    neither can, they are compiled anew in each process.
+    """
+    how = {"error_model": "numpy", "nogil": True}
+    try:
+        return njit(cache=True, **how)(function)
+    except RuntimeError:
+        return njit(**how)(function)
+
+
+@traced
 def dot(a, b):
     """a · b."""
     return fma(a[2], b[2], fma(a[1], b[1], a[0] * b[0]))
 
 
-@jit
+@traced
 def cross(a, b):
     """a × b."""
     return (
@@ -57,35 +79,53 @@ def cross(a, b):
     )
 
 
-@jit
+@traced
 def add(a, b):
     """a + b."""
     return (a[0] + b[0], a[1] + b[1], a[2] + b[2])
 
 
-@jit
+@traced
 def axpy(s, a, b):
     """s a + b."""
     return (fma(s, a[0], b[0]), fma(s, a[1], b[1]), fma(s, a[2], b[2]))
 
 
-@jit
+@traced
 def scale(s, a):
     """s a."""
     return (s * a[0], s * a[1], s * a[2])
 
 
-@jit
+@traced
 def times(a, b):
     """Component by component: a diagonal matrix, held as a vector, times a vector."""
     return (a[0] * b[0], a[1] * b[1], a[2] * b[2])
 
 
 # Arrays are read by index, never through views: a view costs two atomic reference counts.
-@jit
+@traced
 def vec(array, at):
     """Three consecutive entries of a 1-D array."""
     return (array[at], array[at + 1], array[at + 2])
+
+
+if config.DISABLE_JIT:
+
+    def apart():
+        """Nothing."""
+
+else:
+
+    @intrinsic
+    def apart(typingctx):
+        """Keep the function that calls this from being copied into its callers, by LLVM either."""
+
+        def codegen(context, builder, signature, args):
+            builder.function.attributes.add("noinline")
+            return context.get_dummy_value()
+
+        return types.none(), codegen
 
 
 if config.DISABLE_JIT:
@@ -112,7 +152,7 @@ else:
 
 
 # A tuple is never indexed by a loop variable: that is a chain of branches, not a load.
-@jit
+@traced
 def put(array, at, a):
     """Store a vector in three consecutive entries of a 1-D array."""
     array[at] = a[0]
@@ -120,20 +160,20 @@ def put(array, at, a):
     array[at + 2] = a[2]
 
 
-@jit
+@traced
 def put_quat(array, at, quat):
     """Store a quaternion in four consecutive entries of a 1-D array."""
     put(array, at, (quat[0], quat[1], quat[2]))
     array[at + 3] = quat[3]
 
 
-@jit
+@traced
 def vec2(array, k, at):
     """Three consecutive entries of row k of a 2-D array."""
     return (array[k, at], array[k, at + 1], array[k, at + 2])
 
 
-@jit
+@traced
 def six2(array, k, at):
     """Six consecutive entries of row k of a 2-D array."""
     return (
@@ -142,7 +182,7 @@ def six2(array, k, at):
     )  # fmt: skip
 
 
-@jit
+@traced
 def put2(array, k, at, a):
     """Store a vector in three consecutive entries of row k of a 2-D array."""
     array[k, at] = a[0]
@@ -150,14 +190,14 @@ def put2(array, k, at, a):
     array[k, at + 2] = a[2]
 
 
-@jit
+@traced
 def put6(array, k, at, a):
     """Store six numbers in consecutive entries of row k of a 2-D array."""
     put2(array, k, at, (a[0], a[1], a[2]))
     put2(array, k, at + 3, (a[3], a[4], a[5]))
 
 
-@jit
+@traced
 def matrix(quat):
     """Rotation matrix R of a unit quaternion: world = R body."""
     w, x, y, z = quat
@@ -168,7 +208,7 @@ def matrix(quat):
     )  # fmt: skip
 
 
-@jit
+@traced
 def to_world(R, a):
     """R a."""
     return (
@@ -178,7 +218,7 @@ def to_world(R, a):
     )
 
 
-@jit
+@traced
 def to_body(R, a):
     """Rᵀ a."""
     return (
@@ -188,7 +228,7 @@ def to_body(R, a):
     )
 
 
-@jit
+@traced
 def product(a, b):
     """The quaternion product a b: the attitude b, then a."""
     return (
@@ -199,7 +239,7 @@ def product(a, b):
     )
 
 
-@jit
+@traced
 def turned(quat, e):
     """The attitude `quat`, then turned by 2 arctan|e| about the body axis e (Cayley), renormalised.
 

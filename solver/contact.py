@@ -13,10 +13,11 @@ Vectors here are taken in the body's principal axes, in which J is diagonal and 
 `w`, and so on stand for Rᵀ times their world-frame namesakes.
 """
 
-from .algebra import axpy, cross, dot, jit, scale, times
+from .algebra import axpy, cross, dot, scale, times
+from .trace import most, traced
 
 
-@jit
+@traced
 def gyroscopic(J, inv_J, w):
     """ẇ = −J⁻¹ (w × J w): what the spin does to itself (the free part of Eq. 2, Euler's), rad/s²."""
     return (
@@ -26,7 +27,7 @@ def gyroscopic(J, inv_J, w):
     )
 
 
-@jit
+@traced
 def centripetal(w, w_dot, b, q):
     """w × (w × b) + ẇ × q: how the contact point accelerates because the body turns (Eq. 5's c), m/s².
 
@@ -36,14 +37,14 @@ def centripetal(w, w_dot, b, q):
     return axpy(1.0, cross(w, cross(w, b)), cross(w_dot, q))
 
 
-@jit
+@traced
 def inverse_mass(inv_m, inv_J, N, q):
     """G = 1/m + (q×N)·J⁻¹(q×N): acceleration along N at the contact per unit of f (Eq. 6), 1/kg."""
     a = cross(q, N)
     return inv_m + dot(a, times(inv_J, a))
 
 
-@jit
+@traced
 def free_acceleration(N, b, q, a_free, w_dot_free, w):
     """l: acceleration of r1 relative to the ground along N if there were no contact force (Eq. 6), m/s².
 
@@ -58,31 +59,31 @@ def free_acceleration(N, b, q, a_free, w_dot_free, w):
     return dot(N, axpy(1.0, a_free, centripetal(w, w_dot_free, b, q)))
 
 
-@jit
+@traced
 def normal_speed(N, q, v_com, w):
     """v = N·(ẋ + w × q): velocity of r1 relative to the ground along N, negative when closing, m/s."""
     return dot(N, axpy(1.0, v_com, cross(w, q)))
 
 
-@jit
+@traced
 def force(G, l):
     """f = −l/G, or 0 if that would pull (Eq. 7), N."""
-    return max(0.0, -l / G)
+    return most(0.0, -l / G)
 
 
-@jit
+@traced
 def impulse(G, v, e):
     """i = −(1 + e) v/G if the contact is closing, else 0 (Eq. 8), N s."""
-    return max(0.0, -(1.0 + e) * v / G)
+    return most(0.0, -(1.0 + e) * v / G)
 
 
-@jit
+@traced
 def push(inv_m, inv_J, q, p, v_com, w):
     """The velocities after an impulse p (N s) at the contact: Eqs. 1 and 2, integrated over the blow."""
     return axpy(inv_m, p, v_com), axpy(1.0, times(inv_J, cross(q, p)), w)
 
 
-@jit
+@traced
 def shift(inv_m, inv_J, N, q, G, gap):
     """Lift along N (m) and turn (rad), along M⁻¹Wᵀ, that close a gap of φ: Eq. 8 for the position."""
     lam = -gap / G

@@ -10,9 +10,8 @@ above the ground; and the largest curvature of its hollows and humps, 1/m. c end
 rows and columns on every side: beyond, h goes on as it is there, and nothing is cut off.
 """
 
-from math import sqrt
-
 from .algebra import borrowed, entry, jit, put2, put6, stage, vec2
+from .trace import sqrt, traced
 
 MAX_NEWTON = 60
 FOUND = 1e-8
@@ -40,7 +39,7 @@ def _cell(x, cells):
     return i, u - i
 
 
-@jit
+@traced
 def _weights(t):
     """The cubic B-spline's weights, and their first and second derivatives."""
     s = 1.0 - t
@@ -52,7 +51,7 @@ def _weights(t):
     )  # fmt: skip
 
 
-@jit
+@traced
 def _sum4(w, a, b, c, d):
     """w · (a, b, c, d)."""
     return w[0] * a + w[1] * b + w[2] * c + w[3] * d
@@ -158,7 +157,7 @@ def foot(field, r):
     return phi, N, H
 
 
-@jit
+@traced
 def tangents(N):
     """t1 and t2 of a field's normal: t1 is the x-axis, tilted. They turn without a jump as N does."""
     s = 1.0 / sqrt(N[0] * N[0] + N[2] * N[2])
@@ -166,7 +165,7 @@ def tangents(N):
     return t1, (N[1] * t1[2], N[2] * t1[0] - N[0] * t1[2], -N[1] * t1[0])
 
 
-@jit
+@traced
 def times_symmetric(H, a):
     """H a, of the symmetric H (xx, xy, xz, yy, yz, zz)."""
     return (

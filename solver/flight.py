@@ -1,17 +1,19 @@
 """Free flight: a parabola, and a rotation that keeps energy and angular momentum to rounding."""
 
-from math import sqrt
-
 import numpy as np
 
-from .algebra import add, axpy, cross, dot, fma, jit, product, scale, times
+from .algebra import add, axpy, cross, dot, jit, product, scale, times
 from .contact import gyroscopic
+from .trace import every, filled, floor, fma, largest, no, some, sqrt, traced, where
 
 MAX_TURN = 0.0125
 """rad; a longer turn is split. Kinetic energy is then off by less than rounding a piece (the error
 goes with the sixth power of the turn), and so are the series for cosine and sine."""
 
-MAX_PIECES = 100_000
+MAX_PIECES = 100_000.0
+
+STILL_TURN = 1e-16
+"""rad: too small to change a bit of the attitude."""
 
 
 @jit
@@ -34,33 +36,43 @@ def spin(J, inv_J, gyro, quat, w, h):
         (quat, w) at the end.
     """
     turn2 = h * h * dot(w, w)
-    if turn2 < 1e-32:  # too small to change a bit of the attitude
+    still = turn2 < STILL_TURN * STILL_TURN
+    if every(still):
         return quat, w
-    n, dt = 1, h
-    if turn2 > MAX_TURN * MAX_TURN:
-        n = int(min(sqrt(turn2) / MAX_TURN, MAX_PIECES)) + 1
+    follows = turn2 < (MAX_TURN * MAX_PIECES) ** 2
+    n, dt = filled(turn2, 1.0), h + filled(turn2, 0.0)
+    if some(turn2 > MAX_TURN * MAX_TURN):
+        n = pieces(turn2, follows)
         dt = h / n
-    if not turn2 < (MAX_TURN * MAX_PIECES) ** 2:  # or not a number: the caller's check finds it
-        return (np.nan, np.nan, np.nan, np.nan), w
-    for _ in range(n):
+    for piece in range(int(largest(n))):
         e = half_turn(J, inv_J, gyro, w, dt)
-        quat, w1 = turn(J, inv_J, quat, w, e)
-        w = spun(gyro, J, w, w1)
-    return quat, w
+        quat1, w1 = turn(J, inv_J, quat, w, e)
+        on = (piece < n) & no(still)
+        quat = where(on, quat1, quat)
+        w = where(on, spun(gyro, J, w, w1), w)
+    # too fast to follow, or not a number: the caller's check finds it
+    return where(follows, quat, (np.nan, np.nan, np.nan, np.nan)), w
 
 
-@jit
+@traced
+def pieces(turn2, follows):
+    """How many pieces a turn is split into, of which this is the square, rad²."""
+    n = floor(sqrt(turn2) / MAX_TURN) + 1.0
+    return where((turn2 > MAX_TURN * MAX_TURN) & follows, n, 1.0)
+
+
+@traced
 def spun(gyro, J, w, w1):
     """The spin after a turn: w1, which keeps the world's J w, unless −w × J w is left out; then it is w.
 
     Where that is zero the two differ by rounding: then it is w1 as well, to have the same bits.
     """
     if gyro is None:
-        return w1 if J[0] == J[1] == J[2] else w
+        return where((J[0] == J[1]) & (J[1] == J[2]), w1, w)
     return w1
 
 
-@jit
+@traced
 def half_turn(J, inv_J, gyro, w, h):
     """Half the rotation vector of h seconds: ∫w dt + ½∫∫ w × w dt dt, halved; body axes."""
     e = scale(0.5 * h, w)
@@ -74,7 +86,7 @@ def half_turn(J, inv_J, gyro, w, h):
     return axpy(0.5 * h * s, cross(w, w_dot1), e)
 
 
-@jit
+@traced
 def turn(J, inv_J, quat, w, e):
     """Turn by the rotation vector 2e (body axes, |e| < 0.01), and w so that the world's J w stays."""
     angle2 = dot(e, e)

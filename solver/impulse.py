@@ -14,19 +14,17 @@ that lets the *end* of the step meet the constraint: Eq. 5's c, at velocity leve
 along the mean slip, make sustained contact second order for a few multiplications.
 """
 
-from math import sqrt
-
 import numpy as np
 
 from .algebra import (
     add,
+    apart,
     axpy,
     borrowed,
     dot,
     entry,
     jit,
     matrix,
-    once,
     put2,
     scale,
     stage,
@@ -68,6 +66,7 @@ from .sweep import (
     strike,
     velocity,
 )
+from .trace import every, filled, most, sqrt, traced, where
 
 SLOW = 0.1
 """Of g h: approaching slower than gravity's work in a tenth of a step, an impact is plastic; leaving
@@ -106,7 +105,7 @@ def drift(body, gyro, x, quat, v, w, h):
 @jit
 def fly(body, gyro, a, torque, x, quat, v, w, h):
     """A step without contacts."""
-    if torque[0] == 0.0 and torque[1] == 0.0 and torque[2] == 0.0:
+    if every((torque[0] == 0.0) & (torque[1] == 0.0) & (torque[2] == 0.0)):
         x, quat, w = drift(body, gyro, axpy(0.5 * h * h, a, x), quat, v, w, h)
         return x, quat, axpy(h, a, v), w
     half = 0.5 * h
@@ -116,7 +115,7 @@ def fly(body, gyro, a, torque, x, quat, v, w, h):
     return x, quat, v, w
 
 
-@once
+@jit
 def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h):
     """Half a drift, all impulses at the middle pose, half a drift.
 
@@ -133,10 +132,7 @@ def advance(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h
     v1 = axpy(h, a, v)
     w1 = axpy(h, times(body[3], torque), w)
     if n > 0:
-        v1, w1 = hold(
-            body, hull, ground[4], view, law[0], law[2], law[3], law[4],
-            a, v, w, v1, w1, contacts, rows, n, h,
-        )  # fmt: skip
+        v1, w1 = hold(body, ground[4], view, law[0], law[2], law[3], law[4], a, v, w, v1, w1, rows, n, h)
     x, quat, w1 = drift(body, law[2], x, quat, v1, w1, half)
     return x, quat, v1, w1, n
 
@@ -152,7 +148,7 @@ def came_down(hull, ground, quat, x, quat1, x1, contacts):
     return gap_of(hull, k, ground[4], seen(ground, matrix(quat), x)) >= -TOUCH
 
 
-@jit
+@traced
 def in_blows(mu, mu_blow):
     """μ of impacts."""
     return mu if mu_blow is None else mu_blow
@@ -165,6 +161,7 @@ def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, cont
     Points that touch and do not leave are closed afterwards. `touch` is the gap up to which they do, m;
     `mu` is the friction coefficient of blows.
     """
+    apart()
     m, inv_m, J, inv_J, _bound = body
     R = matrix(quat)
     view = seen(ground, R, x)
@@ -201,7 +198,7 @@ def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, cont
     return v, w
 
 
-@jit
+@traced
 def in_world(axes, p):
     """A vector along (N, t1, t2) in world axes."""
     return axpy(p[2], axes[2], axpy(p[1], axes[1], scale(p[0], axes[0])))
@@ -220,7 +217,7 @@ def tally(push, k, rows, c, ground, field):
         push[k, 3] += p[0]
 
 
-@jit
+@traced
 def pushed(push, k, ground, field):
     """The normal part of hull point k's impulses, N s."""
     if field is None:
@@ -228,14 +225,14 @@ def pushed(push, k, ground, field):
     return push[k, 3]
 
 
-@jit
+@traced
 def remember(contacts, k, state, F):
     """Hull point k's state and force."""
     contacts[k, 0] = state
     put2(contacts, k, 1, F)
 
 
-@jit
+@traced
 def add_to(array, k, a):
     """Add a vector to row k of an array."""
     put2(array, k, 0, add(a, vec2(array, k, 0)))
@@ -287,28 +284,33 @@ def descent(g0, s0, g1, s1, h):
     return u * h
 
 
+@traced
+def _dipped(contacts, k, h, g0, s0, g1, s1, deepest, when):
+    """What point k makes of (deepest, when), by the cubic through its gap g and speed s at both ends."""
+    s0, s1 = h * s0, h * s1
+    c2 = 3.0 * (g1 - g0) - 2.0 * s0 - s1
+    c3 = 2.0 * (g0 - g1) + s0 + s1
+    # the cubic's minimum: the only root of its slope in (0, 1)
+    u = -s0 / (c2 + sqrt(most(0.0, c2 * c2 - 3.0 * c3 * s0)))
+    g = g0 + u * (s0 + u * (c2 + u * c3))
+    dips = (contacts[k, 0] == OPEN) & (s0 < 0.0) & (s1 > 0.0) & (g < deepest)
+    return where(dips, (g, u * h), (deepest, when))
+
+
 @stage
 def dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
     """When, in a step of h seconds, an OPEN point is deepest that has been below the surface in between.
 
     By the cubic through its gap and speed at both ends, of which neither is below. 0 if there is none.
     """
+    apart()
     field = ground[4]
     view, view1 = seen(ground, matrix(quat), x), seen(ground, matrix(quat1), x1)
-    deepest, when = -TOUCH, 0.0
+    deepest, when = filled(view[3], -TOUCH), filled(view[3], 0.0)
     for k in range(hull.shape[0]):
-        s0 = h * speed_of(hull, k, field, view, v, w)
-        s1 = h * speed_of(hull, k, field, view1, v1, w1)
-        if contacts[k, 0] == OPEN and s0 < 0.0 < s1:
-            g0 = gap_of(hull, k, field, view)
-            g1 = gap_of(hull, k, field, view1)
-            c2 = 3.0 * (g1 - g0) - 2.0 * s0 - s1
-            c3 = 2.0 * (g0 - g1) + s0 + s1
-            # the cubic's minimum: the only root of its slope in (0, 1)
-            u = -s0 / (c2 + sqrt(max(0.0, c2 * c2 - 3.0 * c3 * s0)))
-            g = g0 + u * (s0 + u * (c2 + u * c3))
-            if g < deepest:
-                deepest, when = g, u * h
+        g0, g1 = gap_of(hull, k, field, view), gap_of(hull, k, field, view1)
+        s0, s1 = speed_of(hull, k, field, view, v, w), speed_of(hull, k, field, view1, v1, w1)
+        deepest, when = _dipped(contacts, k, h, g0, s0, g1, s1, deepest, when)
     return when
 
 
@@ -323,6 +325,7 @@ def locate(body, hull, ground, law, a, torque, x, quat, v, w, end, contacts, row
         (t, x, quat, v, w, n): the end of a step of t seconds at which no open point is below the
         surface and one touches it.
     """
+    apart()
     lo, hi = 0.0, h
     t = h
     x1, quat1, v1, w1, n = end
@@ -355,6 +358,7 @@ def locate(body, hull, ground, law, a, torque, x, quat, v, w, end, contacts, row
 @stage
 def plastic(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h):
     """A step in which every open point that would end below is kept from it, newcomers added."""
+    apart()
     x1, quat1, v1, w1, n = x, quat, v, w, 0
     for _ in range(MAX_ROUNDS):
         x1, quat1, v1, w1, n = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h)
@@ -369,7 +373,7 @@ def plastic(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h
     return x1, quat1, v1, w1, n
 
 
-@jit
+@traced
 def reach(bound, v, w, h):
     """More than any hull point can move in h seconds of drift, m.
 
@@ -378,7 +382,7 @@ def reach(bound, v, w, h):
     return h * (sqrt(dot(v, v)) + 1.25 * bound * sqrt(dot(w, w)))
 
 
-@jit
+@traced
 def bend(field, u):
     """How fast the normal under a point at u turns at most (Ṅ = H ċ), rad/s for m/s."""
     if field is None:
@@ -386,15 +390,15 @@ def bend(field, u):
     return field[5] * u
 
 
-@jit
+@traced
 def sagitta(field, bound, a, v, w, v1, w1, h):
     """More than any hull point's gap in h seconds sags below the line between its ends, m."""
-    w2 = 1.6 * max(dot(w, w), dot(w1, w1))
-    u2 = 2.0 * (max(dot(v, v), dot(v1, v1)) + bound * bound * w2)
+    w2 = 1.6 * most(dot(w, w), dot(w1, w1))
+    u2 = 2.0 * (most(dot(v, v), dot(v1, v1)) + bound * bound * w2)
     return 0.125 * h * h * (sqrt(dot(a, a)) + 2.0 * bound * w2 + bend(field, u2))
 
 
-@once
+@jit
 def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """One step of h seconds. `contacts` and `push` (impulses in world axes, summed) are updated.
 
@@ -435,9 +439,10 @@ def step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
     return near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear)
 
 
-@once
+@stage
 def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear):
     """A step of `step` near enough to the ground for contacts."""
+    apart()
     bound = body[4]
     slow = SLOW * abs(dot(ground[0], a)) * h
     changed, n = True, 0
@@ -494,6 +499,7 @@ def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
 @stage
 def repeat(rows, n, ground, push, times):
     """The record of so many more steps like the last, after which nothing had changed (asleep)."""
+    apart()
     for _ in range(times):
         for c in range(n):
             tally(push, int(rows[c, POINT]), rows, c, ground, ground[4])

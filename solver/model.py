@@ -13,6 +13,7 @@ when a kernel is compiled: a plane's has no trace of the other. It is decided in
 from .algebra import axpy, cross, dot, jit, put, put_quat, to_body, to_world, vec, vec2
 from .contact import normal_speed
 from .field import foot, lent, times_symmetric
+from .trace import traced
 
 TOUCH = 1e-9
 """m: a hull point this close to the surface touches it. m/s: slower than this counts as still."""
@@ -41,13 +42,13 @@ def unpack(body, ground):
     )
 
 
-@jit
+@traced
 def load(state):
     """(x, quat, v, w) from 13 entries."""
     return vec(state, 0), (state[3], state[4], state[5], state[6]), vec(state, 7), vec(state, 10)
 
 
-@jit
+@traced
 def store(state, x, quat, v, w):
     """The inverse of `load`."""
     put(state, 0, x)
@@ -56,7 +57,7 @@ def store(state, x, quat, v, w):
     put(state, 10, w)
 
 
-@jit
+@traced
 def gap(hull, k, N_b, height):
     """φ of hull point k: signed distance from the surface, its radius subtracted (Eq. 4), m.
 
@@ -69,20 +70,20 @@ def gap(hull, k, N_b, height):
     return dot(N_b, vec2(hull, k, 0)) + height - hull[k, 3]
 
 
-@jit
+@traced
 def height_over(plane, x):
     """Distance of the centre of mass above the plane, m."""
     return dot(plane[0], x) - plane[3]
 
 
-@jit
+@traced
 def arm(hull, k, N_b):
     """(b, q): from x to the hull point and to its contact point r1, body axes, m."""
     b = vec2(hull, k, 0)
     return b, axpy(-hull[k, 3], N_b, b)
 
 
-@jit
+@traced
 def seen(ground, R, x):
     """The ground from a pose: R, x, the plane's (N, t1, t2) in body axes, and the height of x over it."""
     frame = (to_body(R, ground[0]), to_body(R, ground[1]), to_body(R, ground[2]))
@@ -113,7 +114,7 @@ def speed_of(hull, k, field, view, v, w):
     return normal_speed(N, q, to_body(view[0], v), w)
 
 
-@jit
+@traced
 def upward(ground, field, R, N):
     """N in world axes."""
     if field is None:
@@ -121,7 +122,7 @@ def upward(ground, field, R, N):
     return to_world(R, N)
 
 
-@jit
+@traced
 def bending(field, H, R, b, v, w):
     """ċᵀ H ċ of a hull point at b: how the ground bends away under it (Eq. 5's c), m/s². v in body axes."""
     if field is None:
@@ -130,7 +131,7 @@ def bending(field, H, R, b, v, w):
     return dot(u, times_symmetric(H, u))
 
 
-@jit
+@traced
 def is_finite(x, quat, v, w):
     """False if any entry is NaN or infinite."""
     s = (x[0] + x[1] + x[2]) + (v[0] + v[1] + v[2]) + (w[0] + w[1] + w[2])

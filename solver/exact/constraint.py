@@ -180,7 +180,7 @@ def begin_slip(hull, mu, contacts, rows, a_b, w, w_dot):
     if contacts[k, 0] == SLIDES and s1 * s1 + s2 * s2 <= SLAVED * SLAVED:
         l = in_axes(rows, 0, add(a_b, changing(hull, rows, 0, w, w_dot)))
         guess = (-contacts[k, 1], -contacts[k, 2])
-        p = cone_impulse(six2(rows, 0, K), six2(rows, 0, INV_K), mu, l, (l[1], l[2]), guess, (0.0, 0.0))
+        p = cone_impulse(six2(rows, 0, K), six2(rows, 0, INV_K), mu, l, (l[1], l[2]), guess, (0.0, 0.0), True)
         friction = sqrt(p[1] * p[1] + p[2] * p[2])
         if friction > ON_CONE * mu * p[0] and friction > 0.0:
             contacts[k, 1], contacts[k, 2] = -p[1] / friction, -p[2] / friction

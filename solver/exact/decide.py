@@ -99,7 +99,9 @@ def sweep(body, hull, mu, a_b, torque, w, contacts, rows, n):
                 u[2] - kk[2] * p[0] - kk[4] * p[1] - kk[5] * p[2],
             )
             if contacts[k, 0] == STICKS:
-                new = cone_impulse(kk, six2(rows, c, INV_K), mu, b, (b[1], b[2]), (p[1], p[2]), (0.0, 0.0))
+                new = cone_impulse(
+                    kk, six2(rows, c, INV_K), mu, b, (b[1], b[2]), (p[1], p[2]), (0.0, 0.0), True
+                )
             else:
                 s1, s2 = direction(rows, c, contacts)
                 D = kk[0] - mu * (kk[1] * s1 + kk[2] * s2)
