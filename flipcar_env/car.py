@@ -28,6 +28,25 @@ FRICTION = 0.8
 RESTITUTION = 0.0
 """Bodywork crumples; tyres are locked and stiff."""
 
+# What `randomize` draws anew for each episode, uniformly, from minus to plus so much of the nominal, or
+# within the limits given.
+MASS_SPREAD = 0.15
+"""A second person, fuel and spare wheels add up to 200 kg; a stripped shell lacks as much."""
+
+INERTIA_SPREAD = 0.15
+"""Each axis, beside the mass: loads in the nose or the tail rather than in the middle."""
+
+OFFSET_SPREAD = (0.08, 0.05, 0.04)
+"""m, forward, left, up: engines, tanks and crews differ; 8 cm is 3 % of the weight from axle to axle."""
+
+FRICTION_RANGE = (0.4, 1.0)
+"""From wet grass to dry tarmac, under sheet metal and rubber."""
+
+RESTITUTION_RANGE = (0.0, 0.2)
+"""Bodywork gives; a cage and tyres spring back a little."""
+
+LIMIT_SPREAD = 0.1
+
 WHEELBASE = 2.5
 WHEEL_RADIUS = 0.32
 TYRE_RADIUS = 0.08

@@ -26,7 +26,10 @@ def _mix(z):
 
 @jit
 def uniform(key_high, key_low, episode, index):
-    """A number in [0, 1), 53 bits. The key comes as two 32-bit halves, exact as floats."""
+    """A number in [0, 1), 53 bits. The key comes as two 32-bit halves, exact as floats.
+
+    So does the index: numba would compile the function anew for each whole number written out.
+    """
     key = (np.uint64(key_high) << _32) | np.uint64(key_low)
     z = _mix(key + _GOLDEN)
     z = _mix(z + _GOLDEN * (np.uint64(episode) + np.uint64(1)))
@@ -44,5 +47,5 @@ def between(low, high, key_high, key_low, episode, index):
 def normal(key_high, key_low, episode, index):
     """A standard normal number (Box-Muller); it uses up index and index + 1."""
     u = 1.0 - uniform(key_high, key_low, episode, index)
-    angle = 2.0 * math.pi * uniform(key_high, key_low, episode, index + 1)
+    angle = 2.0 * math.pi * uniform(key_high, key_low, episode, index + 1.0)
     return math.sqrt(-2.0 * math.log(u)) * math.cos(angle)

@@ -7,8 +7,6 @@ import numpy as np
 
 from solver.errors import one_of
 
-from . import row as r
-from . import starts, task
 from .core import Core
 from .row import REWARD, TERMINATED, TRUNCATED
 
@@ -78,7 +76,7 @@ class FlipCarEnv(gym.Env):
     Terminated: success, that is within 15° of upright, carried by at least three wheels and nothing
     else, slower than 0.5 m/s and 0.5 rad/s, for half a second. Truncated: after 10 s (the
     environment's own limit, part of its state), beyond 100 m, or if the solver gives up
-    (`info["solver_error"]`).
+    (`info["solver_error"]`; `info["solver_error_state"]` is the state before that step).
 
     ## Information
     `is_success` (bool), `time_to_upright` (s, once reached), `energy` (mechanical, J), `work` (the
@@ -89,6 +87,7 @@ class FlipCarEnv(gym.Env):
     |----------|---------|---------|
     | start | "any" | kind of start |
     | terrain | "level" | only level ground so far |
+    | randomize | False | a car of its own for each episode: mass, inertia, friction... (see `car`) |
     | obs | "egocentric" | or "state" |
     | control_dt | 0.04 | s between actions |
     | substeps | 10 | physics steps in each |
@@ -104,18 +103,16 @@ class FlipCarEnv(gym.Env):
         self,
         start: str = "any",
         terrain: str = "level",
+        randomize: bool = False,
         obs: str = "egocentric",
         render_mode: str | None = None,
         control_dt: float = 0.04,
         substeps: int = 10,
         method: str = "impulse",
     ):
-        if render_mode is not None:
-            raise ValueError(
-                f"render_mode must be None, got {render_mode!r}; `flipcar play` records episodes"
-            )
+        refuse_rendering(render_mode)
         self.render_mode = None
-        self.core = Core(1, start, terrain, obs, control_dt, substeps, method)
+        self.core = Core(1, start, terrain, randomize, obs, control_dt, substeps, method)
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
         self._results = self.core.results[0]
@@ -132,18 +129,16 @@ class FlipCarEnv(gym.Env):
         options = options or {}
         for name in options:
             one_of("options", name, ("start", "state"))
-        start = options.get("start", self.core.start)
-        one_of("start", start, (*starts.KINDS, "any"))
-        state = self.core.check_state(options["state"]) if "state" in options else None
+        kinds = self.core.start_kinds(options["start"]) if "start" in options else None
+        state = self.core.check_states(options["state"]) if "state" in options else None
         super().reset(seed=seed)
         if seed is not None or not self._started:
-            self.core.set_key(0, self.np_random_seed)
+            self.core.seed(0, self.np_random_seed)
         self._started = True
         if state is None:
-            self.core.begin(0, start)
+            self.core.begin(FIRST, kinds)
         else:
-            self.core.states[0] = state
-            task.look(self.core.model, self.core.rows[0])
+            self.core.put_states(state, FIRST)
         return self._observed.copy(), self.core.start_info(0)
 
     def step(self, action):
@@ -173,11 +168,23 @@ class FlipCarEnv(gym.Env):
         Raises:
             ValueError: it is not such an array; nothing has changed then.
         """
-        self.core.states[0] = self.core.check_state(state)
+        self.core.put_states(self.core.check_states(state), FIRST)
         self._started = True
 
     def contact_impulses(self) -> np.ndarray:
         """(p, 3) impulse on each hull point over the last control step, world axes, N s."""
-        points = self.core.points
-        push = self.core.rows[0, r.state_width(points) : r.results(points)]
-        return push.reshape(points, 3).copy()
+        return self.core.push.copy()
+
+
+FIRST = np.zeros(1, np.int64)
+"""The only environment's index."""
+
+
+def refuse_rendering(render_mode: Any) -> None:
+    """There is no way to render yet but recordings.
+
+    Raises:
+        ValueError: a render mode is asked for.
+    """
+    if render_mode is not None:
+        raise ValueError(f"render_mode must be None, got {render_mode!r}; `flipcar play` records episodes")

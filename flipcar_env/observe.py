@@ -6,6 +6,7 @@ from gymnasium import spaces
 from solver.algebra import jit, matrix, to_body, to_world
 
 KINDS = ("egocentric", "state")
+EGOCENTRIC, STATE = range(2)
 
 FIELD = 100.0
 """m; the episode is cut when the car is further from where it started."""

@@ -3,6 +3,7 @@
 from math import acos
 
 from solver.algebra import jit
+from solver.trace import traced
 
 TERMS = ("progress", "success", "time", "effort")
 
@@ -27,7 +28,7 @@ HOLD_TIME = 0.5  # s
 WHEELS_DOWN = 3  # at least
 
 
-@jit
+@traced
 def uprightness(up_z):
     """(1 + cos tilt)/2 from the vertical component of the car's up axis: 0 on its roof, 1 upright."""
     return 0.5 * (1.0 + up_z)

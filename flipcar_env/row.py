@@ -1,17 +1,20 @@
 """One environment as one row of numbers.
 
 First its state: everything that its future depends on, which `get_state` and `set_state` copy. Then
-what the last control step made of it: each hull point's contact impulse, the results, the observation.
-A batch is a 2-D array of such rows. What is the same for every row (the car, the ground, the task's
-settings) is packed in one flat array, the model. So a compiled call takes few arguments, each of
-which would cost as much as a physics step.
+what the last control step made of it: the results and the observation. A batch is a 2-D array of such
+rows. What is the same for every row (the hull, the ground, the task's settings) is packed in one flat
+array, the model. So a compiled call takes few arguments, each of which would cost as much as a physics
+step.
 """
+
+from collections.abc import Sequence
 
 import numpy as np
 
 from solver import Body, Plane
 from solver.algebra import jit
-from solver.model import MEMORY
+from solver.model import CLOSED as HELD_ON
+from solver.model import OPEN
 
 # Columns of a row.
 MOTION = 0  # x, quat, v in world and w in the car's axes: 13 numbers
@@ -21,10 +24,21 @@ WORK = 15  # the actuator's integral of |torque · w|, J
 KEY = 16  # random key: high and low 32 bits
 EPISODE = 18  # how many resets since the key was set
 START = 19  # kind of start, an index into `starts.KINDS`
-CONTACTS = 20  # the solver's memory of each hull point
+CAR = 20  # this episode's car: the columns below
+CLOSED = 32  # which hull points are in contact: bit k is point k's
+FORCES = 33  # of the first so many of them, along N, t1, t2, N: where the solver starts from
+SLOTS = 8
+STATE = FORCES + 3 * SLOTS  # so long is the state
 
+# Columns of the car.
+MASS = 20  # kg
+INERTIA = 21  # roll, pitch and yaw, kg m²
+OFFSET = 24  # of the centre of mass from the nominal car's, m, car's axes
+FRICTION = 27
+RESTITUTION = 28
+LIMIT = 29  # torque limits, N m
 
-# Columns of the results, counted from their first.
+# Columns of the results, counted from their first, which is STATE.
 TERMS = 0  # reward terms, in the order of reward.TERMS
 REWARD = 4
 TERMINATED = 5
@@ -36,61 +50,91 @@ N_CONTACTS = 10
 TOTAL_WORK = 11
 FAILED = 12
 RESULTS = 13
-OBSERVED = 7  # after them the observation, as float32: two to a column
+OBSERVED = STATE + RESULTS  # from here the observation, as float32: two to a column
+
+MAX_POINTS = 53
+"""So many bits has a float64's whole number."""
 
 
-@jit
-def state_width(points: int) -> int:
-    """Length of the state, and where the (p, 3) contact impulses in world axes begin, N s."""
-    return CONTACTS + MEMORY * points
-
-
-@jit
-def results(points: int) -> int:
-    """Where the results begin."""
-    return state_width(points) + 3 * points
-
-
-def width(points: int) -> int:
-    """Length of a row."""
-    return results(points) + RESULTS + OBSERVED
+def width(observed: int) -> int:
+    """Length of a row with so many numbers in its observation."""
+    return OBSERVED + (observed + 1) // 2
 
 
 # Fields of the model.
-BODY = 0  # m, J, radius of the bounding sphere
-PLANE = 5  # N, t1, t2, d
-LAW = 15  # μ, e
-GRAVITY = 17  # m/s², downwards
-LIMIT = 18  # torque limits
-CONTROL_DT = 21
-SUBSTEPS = 22
-MAX_STEPS = 23
-HOLD_STEPS = 24
-EGOCENTRIC = 25  # 1: egocentric observations; 0: state
-WHEELS = 26
-HULL = 27  # (p, 4)
+BOUND = 0  # radius of the bounding sphere, m
+PLANE = 1  # N, t1, t2, d
+GRAVITY = 11  # m/s², downwards
+CONTROL_DT = 12
+SUBSTEPS = 13
+MAX_STEPS = 14
+HOLD_STEPS = 15
+VIEW = 16  # kind of observation, an index into `observe.KINDS`
+WHEELS = 17
+HULL = 18  # (p, 4)
 
 
 def model(
     body: Body,
     plane: Plane,
-    law: tuple[float, float],
     gravity: float,
-    limit: tuple[float, float, float],
     wheels: int,
     control_dt: float,
     substeps: int,
     max_steps: int,
     hold_steps: int,
-    egocentric: bool,
+    view: int,
 ) -> np.ndarray:
     """Pack what is the same for every row."""
+    if len(body.hull) > MAX_POINTS:
+        raise ValueError(f"body must have at most {MAX_POINTS} hull points, got {len(body.hull)}")
     return np.concatenate(
         [
-            [body.m, *np.diag(body.J), body.bounding_radius],
+            [body.bounding_radius],
             plane.parameters,
-            law,
-            [gravity, *limit, control_dt, substeps, max_steps, hold_steps, egocentric, wheels],
+            [gravity, control_dt, substeps, max_steps, hold_steps, view, wheels],
             np.column_stack([body.hull, body.radius]).ravel(),
         ]
     )
+
+
+def car(body: Body, offset: Sequence[float], law: tuple[float, float], limit: Sequence[float]) -> np.ndarray:
+    """A car's columns."""
+    return np.array([body.m, *np.diag(body.J), *offset, *law, *limit])
+
+
+@jit
+def load_contacts(row, contacts):
+    """The solver's memory of the contacts, (p, MEMORY), from a row."""
+    closed = int(row[CLOSED])
+    slot = 0
+    for k in range(contacts.shape[0]):
+        contacts[k, 0] = OPEN
+        contacts[k, 1] = contacts[k, 2] = contacts[k, 3] = 0.0
+        if (closed >> k) & 1:
+            contacts[k, 0] = HELD_ON
+            if slot < SLOTS:
+                for j in range(3):
+                    contacts[k, 1 + j] = row[FORCES + 3 * slot + j]
+            slot += 1
+
+
+@jit
+def store_contacts(row, contacts):
+    """The inverse of `load_contacts`.
+
+    Where more contacts are closed than there are slots, the last ones' forces are forgotten: the solver
+    then starts from none.
+    """
+    closed = 0
+    slot = 0
+    for k in range(contacts.shape[0]):
+        if contacts[k, 0] != OPEN:
+            closed |= 1 << k
+            if slot < SLOTS:
+                for j in range(3):
+                    row[FORCES + 3 * slot + j] = contacts[k, 1 + j]
+            slot += 1
+    row[CLOSED] = closed
+    for j in range(FORCES + 3 * min(slot, SLOTS), STATE):
+        row[j] = 0.0

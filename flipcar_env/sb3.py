@@ -1,13 +1,18 @@
 """A native Stable-Baselines3 vector environment: SB3 steps the batch kernel without an adapter."""
 
+import time
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv
 
+from solver.errors import one_of
+
 from . import row as r
+from . import starts
 from .core import Core
+from .env import FlipCarEnv
 
 
 class FlipCarVecEnv(VecEnv):
@@ -19,45 +24,61 @@ class FlipCarVecEnv(VecEnv):
 
     Args:
         num_envs: how many.
-        **arguments: those of `gym.make("FlipCar-v0", ...)`.
+        stagger: cut the first episodes short, each after another number of steps. Otherwise all that are
+            not won run out of time together, again and again: a batch of one phase of the task only.
+            False for episodes that are the single environment's from the first.
+        **arguments: those of `gym.make_vec("FlipCar-v0", ...)`, but `render_mode` and `autoreset_mode`.
     """
 
-    def __init__(self, num_envs: int, **arguments: Any):
+    metadata = FlipCarEnv.metadata
+
+    def __init__(self, num_envs: int, stagger: bool = True, **arguments: Any):
         self.core = Core(num_envs, **arguments)
         self.render_mode = None
+        if not isinstance(stagger, bool):
+            raise ValueError(f"stagger must be True or False, got {stagger!r}")
+        self.stagger = stagger
         super().__init__(num_envs, self.core.observation_space, self.core.action_space)
         self._returns = np.zeros(num_envs)
+        self._limits = np.full(num_envs, np.inf)
         self._actions = np.zeros((num_envs, 3), np.float32)
         self._keyed = False
+        self._began = time.time()
 
     def seed(self, seed: int | None = None) -> Sequence[int]:
         """Seed environment i with seed + i, from the next reset on."""
         if seed is None:
-            seed = int(np.random.SeedSequence().entropy) % 2**32  # type: ignore[arg-type]
-        seeds = [seed + i for i in range(self.num_envs)]
-        self._seeds = list(seeds)
-        return seeds
+            seed = int(np.random.SeedSequence().generate_state(1)[0])
+        self._seeds = self.core.seeds(seed)
+        return list(self._seeds)  # type: ignore[arg-type]
 
     def reset(self) -> np.ndarray:
-        """Start an episode in every environment."""
+        """Start an episode in every environment, by the options that `set_options` has given: "start"."""
+        kinds = self.core.kinds.copy()
+        for i, options in enumerate(self._options):
+            for name in options:
+                one_of("options", name, ("start",))
+            if "start" in options:
+                kinds[i] = self.core.start_kinds(options["start"])[i]
         if not self._keyed and self._seeds[0] is None:
             self.seed()
         for i, seed in enumerate(self._seeds):
             if seed is not None:
-                self.core.set_key(i, seed)
-            self.core.begin(i, self.core.start)
+                self.core.seed(i, seed)
+        self.core.begin(np.arange(self.num_envs), kinds)
         self._keyed = True
         self._reset_seeds()
         self._reset_options()
         self._returns[:] = 0.0
+        self._limits[:] = np.inf
+        if self.stagger:
+            share = np.arange(1, self.num_envs + 1) / self.num_envs
+            self._limits[:] = np.ceil(self.core.model[r.MAX_STEPS] * share)
         return self.core.observations()
 
     def step_async(self, actions: np.ndarray) -> None:
         """Take the actions, (num_envs, 3)."""
-        actions = np.ascontiguousarray(actions, dtype=np.float32)
-        if actions.shape != self._actions.shape:
-            raise ValueError(f"actions must have shape {self._actions.shape}, got {actions.shape}")
-        self._actions = actions
+        self._actions = self.core.check_actions(actions)
 
     def step_wait(self):
         """One control step of all. Observations are fresh arrays each time."""
@@ -65,35 +86,46 @@ class FlipCarVecEnv(VecEnv):
         core.step(self._actions)
         obs = core.observations()
         rewards = core.results[:, r.REWARD].astype(np.float32)
-        truncated = core.results[:, r.TRUNCATED] != 0.0
-        dones = truncated | (core.results[:, r.TERMINATED] != 0.0)
+        terminated, truncated = core.ended()
+        truncated |= ~terminated & (core.rows[:, r.STEPS] >= self._limits)
+        dones = terminated | truncated
         self._returns += core.results[:, r.REWARD]
-        infos: list[dict] = [{} for _ in range(self.num_envs)]
-        for i in np.flatnonzero(dones).tolist():
-            steps = int(core.rows[i, r.STEPS])
-            infos[i] = core.info(i, core.results[i].tolist())
-            infos[i]["terminal_observation"] = obs[i].copy()
-            infos[i]["TimeLimit.truncated"] = bool(truncated[i])
-            infos[i]["episode"] = {
-                "r": float(self._returns[i]),
-                "l": steps,
-                "t": steps * core.control_dt,
-            }
-            self._returns[i] = 0.0
-            core.begin(i, core.start)
-            obs[i] = core.observed[i]
+        infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
+        if dones.any():
+            which = np.flatnonzero(dones)
+            now = round(time.time() - self._began, 6)
+            for i in which.tolist():
+                infos[i] = {
+                    **core.info(i, core.results[i].tolist()),
+                    "terminal_observation": obs[i].copy(),
+                    "TimeLimit.truncated": bool(truncated[i]),
+                    "episode": {"r": float(self._returns[i]), "l": int(core.rows[i, r.STEPS]), "t": now},
+                }
+            self._returns[which] = 0.0
+            self._limits[which] = np.inf
+            core.begin(which)
+            obs[which] = core.observed[which]
         return obs, rewards, dones, infos
 
     def close(self) -> None:
         """Nothing to release."""
 
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """No picture of any environment."""
+        return [None] * self.num_envs
+
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
-        """An attribute of this object, once for each index."""
+        """`start` of each environment; any other attribute is this object's, once for each index."""
+        if attr_name == "start":
+            return [(*starts.KINDS, "any")[self.core.kinds[i]] for i in self._get_indices(indices)]
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
-        """Set an attribute of this object; all environments share it."""
-        setattr(self, attr_name, value)
+        """Set `start` of each environment in `indices`, for the episodes to come."""
+        one_of("attr_name", attr_name, ("start",))
+        kind = self.core.start_kinds(value)
+        which = list(self._get_indices(indices))
+        self.core.kinds[which] = kind[which]
 
     def env_method(
         self, method_name: str, *method_args: Any, indices: Any = None, **method_kwargs: Any
@@ -103,11 +135,7 @@ class FlipCarVecEnv(VecEnv):
             "get_state": self._get_state,
             "set_state": self._set_state,
         }
-        if method_name not in methods:
-            raise ValueError(
-                f"method_name must be one of {', '.join(map(repr, methods))}, got {method_name!r}"
-            )
-        method = methods[method_name]
+        method = methods[one_of("method_name", method_name, methods)]
         return [method(i, *method_args, **method_kwargs) for i in self._get_indices(indices)]
 
     def env_is_wrapped(self, wrapper_class: Any, indices: Any = None) -> list[bool]:
@@ -121,4 +149,5 @@ class FlipCarVecEnv(VecEnv):
         return self.core.states[i].copy()
 
     def _set_state(self, i: int, state: np.ndarray) -> None:
-        self.core.states[i] = self.core.check_state(state)
+        self.core.put_states(self.core.check_states(state), np.array([i]))
+        self._returns[i] = 0.0

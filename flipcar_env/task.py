@@ -4,157 +4,356 @@ from math import sqrt
 
 import numpy as np
 
-from solver import impulse
-from solver.algebra import borrowed, dot, entry, jit, once, put, vec
-from solver.model import MEMORY, is_finite, load, store, unpack
+from solver import impulse, lanes
+from solver.algebra import apart, borrowed, dot, entry, jit, put, stage, vec
+from solver.model import MEMORY, is_finite, load, store
 from solver.sweep import WIDTH as CONTACT_ROW
 from solver.sweep import kinetic_energy
+from solver.trace import LANES, traced
 
-from . import car, observe, reward
+from . import observe, reward
 from . import row as r
 
-RESTITUTION = True if car.RESTITUTION > 0.0 else None
-"""None: the car's kernel leaves restitution out; every other term it has (`solver.terms`)."""
 
-
-@jit
-def kept(term, value):
-    """The value, or None if its term is left out."""
-    if term is None:
-        return None
-    return value
-
-
-@jit
+@traced
 def cos_tilt(quat):
     """Vertical component of the car's up axis."""
     return 1.0 - 2.0 * (quat[1] * quat[1] + quat[2] * quat[2])
 
 
 @jit
-def energy(model, x, v, w):
-    """Mechanical energy, zero at rest on the ground plane's height, J."""
-    m = model[r.BODY]
-    return kinetic_energy(m, vec(model, r.BODY + 1), v, w) + m * model[r.GRAVITY] * x[2]
+def energy(model, row, x, v, w):
+    """Mechanical energy, zero at rest at the height of the world's origin, J."""
+    m = row[r.MASS]
+    return kinetic_energy(m, vec(row, r.INERTIA), v, w) + m * model[r.GRAVITY] * x[2]
 
 
 @jit
-def observe_row(model, out, x, quat, v, w):
+def observe_row(model, row, x, quat, v, w):
     """Fill the results that any state has, and the observation."""
-    out[r.ENERGY] = energy(model, x, v, w)
-    out[r.TILT] = reward.tilt(cos_tilt(quat))
-    obs = borrowed(out[r.RESULTS :].view(np.float32))
-    if model[r.EGOCENTRIC] != 0.0:
+    row[r.STATE + r.ENERGY] = energy(model, row, x, v, w)
+    row[r.STATE + r.TILT] = reward.tilt(cos_tilt(quat))
+    obs = borrowed(row[r.OBSERVED :].view(np.float32))
+    if model[r.VIEW] == observe.EGOCENTRIC:
         observe.egocentric(x, quat, v, w, obs)
     else:
         observe.state(x, quat, v, w, obs)
 
 
-@once
-def step_row(model, hull, row, action, scratch):
-    """One control step of one environment."""
-    body, ground = unpack(model[r.BODY : r.BODY + 5], (model[r.PLANE : r.PLANE + 10], None))
-    law = (model[r.LAW], kept(RESTITUTION, model[r.LAW + 1]), True, True, True, None)
-    g = (0.0, 0.0, -model[r.GRAVITY])
-    substeps = int(model[r.SUBSTEPS])
-    h = model[r.CONTROL_DT] / substeps
-    points = hull.shape[0]
-    contacts = borrowed(row[r.CONTACTS : r.state_width(points)].reshape(points, MEMORY))
-    push = borrowed(row[r.state_width(points) : r.results(points)].reshape(points, 3))
-    out = borrowed(row[r.results(points) :])
-
-    # actuate
-    act = (
+@jit
+def clipped(action):
+    """An action within [-1, 1]."""
+    return (
         min(1.0, max(-1.0, float(action[0]))),
         min(1.0, max(-1.0, float(action[1]))),
         min(1.0, max(-1.0, float(action[2]))),
     )
-    torque = (
-        act[0] * model[r.LIMIT],
-        act[1] * model[r.LIMIT + 1],
-        act[2] * model[r.LIMIT + 2],
-    )
 
-    # step
+
+@jit
+def actuate(row, act):
+    """The torque about the car's axes, N m."""
+    return (act[0] * row[r.LIMIT], act[1] * row[r.LIMIT + 1], act[2] * row[r.LIMIT + 2])
+
+
+@jit
+def place_hull(model, row, hull):
+    """Fill the hull's points (p, 4) of this row's car, in axes through its centre of mass.
+
+    Returns:
+        The radius of a sphere about that centre with all of them inside, m.
+    """
+    dx, dy, dz = vec(row, r.OFFSET)
+    at = r.HULL
+    for k in range(hull.shape[0]):
+        hull[k, 0], hull[k, 1], hull[k, 2] = model[at] - dx, model[at + 1] - dy, model[at + 2] - dz
+        hull[k, 3] = model[at + 3]
+        at += 4
+    return model[r.BOUND] + sqrt(dx * dx + dy * dy + dz * dz)
+
+
+@jit
+def judge(model, row, act, before, wheels_down, others_down):
+    """Observe the row's motion, and reward it.
+
+    Args:
+        model: what all rows share.
+        row: of which the state is that at the end of the step.
+        act: (3,) in [-1, 1].
+        before: cos tilt before the step.
+        wheels_down: how many tyres' hull points have touched.
+        others_down: how many other points.
+    """
+    x, quat, v, w = load(row)
+    observe_row(model, row, x, quat, v, w)
+    failed = row[r.STATE + r.FAILED] != 0.0
+    after = cos_tilt(quat)
+    still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
+    row[r.HELD] = row[r.HELD] + 1.0 if still and not failed else 0.0
+    success = row[r.HELD] >= model[r.HOLD_STEPS]
+    terms = reward.terms(before, after, success, act)
+    put(row, r.STATE + r.TERMS, (terms[0], terms[1], terms[2]))
+    row[r.STATE + r.TERMS + 3] = terms[3]
+    row[r.STATE + r.REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
+    far = x[0] * x[0] + x[1] * x[1] > observe.FIELD * observe.FIELD
+    row[r.STATE + r.TERMINATED] = success
+    row[r.STATE + r.TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
+    row[r.STATE + r.SUCCESS] = success
+    row[r.STATE + r.N_CONTACTS] = wheels_down + others_down
+    row[r.STATE + r.TOTAL_WORK] = row[r.WORK]
+
+
+@jit
+def ground_of(model):
+    """The ground as the solver has it: a plane."""
+    return vec(model, r.PLANE), vec(model, r.PLANE + 3), vec(model, r.PLANE + 6), model[r.PLANE + 9], None
+
+
+@jit
+def drive_alone(model, row, torque, hull, contacts, scratch, push):
+    """The physics of one control step of one row, by `impulse.step`.
+
+    A row whose state would not be finite has FAILED, and is left as it was.
+    """
+    bound = place_hull(model, row, hull)
+    m, inertia = row[r.MASS], vec(row, r.INERTIA)
+    inverse = (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2])
+    body = (m, 1.0 / m, inertia, inverse, bound)
+    law = (row[r.FRICTION], row[r.RESTITUTION], True, True, True, None)
+    ground = ground_of(model)
+    a = (0.0, 0.0, -model[r.GRAVITY])
+    substeps = int(model[r.SUBSTEPS])
+    h = model[r.CONTROL_DT] / substeps
+    r.load_contacts(row, contacts)
     push[:] = 0.0
     x, quat, v, w = load(row)
-    before = cos_tilt(quat)
-    failed = False
     work = row[r.WORK]
     clear = 0.0
+    row[r.STATE + r.FAILED] = 0.0
     for done in range(substeps):
         x1, quat1, v1, w1, clear, still = impulse.step(
-            body, hull, ground, law, g, torque, x, quat, v, w, contacts, scratch, push, h, clear
+            body, hull, ground, law, a, torque, x, quat, v, w, contacts, scratch, push, h, clear
         )
         if not is_finite(x1, quat1, v1, w1):
-            failed = True
-            break
-        work += 0.5 * h * (abs(dot(torque, w)) + abs(dot(torque, w1)))
+            row[r.STATE + r.FAILED] = 1.0
+            return
+        work += 0.5 * h * (lanes.power(torque, w) + lanes.power(torque, w1))
         asleep = still > 0 and (x, quat, v, w) == (x1, quat1, v1, w1)
         x, quat, v, w = x1, quat1, v1, w1
         if asleep:
             impulse.repeat(scratch, still, ground, push, substeps - 1 - done)
             for _ in range(done + 1, substeps):
-                work += h * abs(dot(torque, w))
+                work += h * lanes.power(torque, w)
             break
     store(row, x, quat, v, w)
     row[r.WORK] = work
     row[r.STEPS] += 1.0
+    r.store_contacts(row, contacts)
 
-    # observe
-    observe_row(model, out, x, quat, v, w)
 
-    # reward
-    wheels_down, others_down = 0, 0
-    for k in range(points):
-        if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
-            if k < model[r.WHEELS]:
-                wheels_down += 1
-            else:
-                others_down += 1
-    after = cos_tilt(quat)
-    still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
-    row[r.HELD] = row[r.HELD] + 1.0 if still else 0.0
-    success = row[r.HELD] >= model[r.HOLD_STEPS]
-    terms = reward.terms(before, after, success, act)
-    put(out, r.TERMS, (terms[0], terms[1], terms[2]))
-    out[r.TERMS + 3] = terms[3]
-    out[r.REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
-    far = x[0] * x[0] + x[1] * x[1] > observe.FIELD * observe.FIELD
-    out[r.TERMINATED] = success
-    out[r.TRUNCATED] = not success and (failed or far or row[r.STEPS] >= model[r.MAX_STEPS])
-    out[r.SUCCESS] = success
-    out[r.N_CONTACTS] = wheels_down + others_down
-    out[r.TOTAL_WORK] = work
-    out[r.FAILED] = failed
+@jit
+def not_finite(actions):
+    """The first row of actions that is not finite; -1 if all are."""
+    for i in range(actions.shape[0]):
+        if not 0.0 * (actions[i, 0] + actions[i, 1] + actions[i, 2]) == 0.0:
+            return i
+    return -1
 
 
 @entry
-def step(model, rows, actions):
-    """One control step of n environments, in place; none if an action is not finite.
+def step(model, rows, actions, push):
+    """One control step of n environments one by one, in place; none if an action is not finite.
 
     Args:
         model: what they share (`row.model`).
         rows: (n, row.width).
         actions: (n, 3) float32, clipped to [-1, 1] here.
+        push: (p, 3) filled with the last one's impulse on each hull point, world axes, N s.
 
     Returns:
         -1, or the first environment whose action is not finite: then nothing has been done.
     """
+    bad = not_finite(actions)
+    if bad >= 0:
+        return bad
+    points = push.shape[0]
+    hulls, memory = np.empty((points, 4)), np.empty((points, MEMORY))
+    scratches = np.empty((points, CONTACT_ROW))
+    hull, contacts, scratch = borrowed(hulls), borrowed(memory), borrowed(scratches)
     for i in range(rows.shape[0]):
-        if not 0.0 * (actions[i, 0] + actions[i, 1] + actions[i, 2]) == 0.0:
-            return i
-    hull = borrowed(model[r.HULL :].reshape(-1, 4))
-    scratch = np.empty((hull.shape[0], CONTACT_ROW))
-    for i in range(rows.shape[0]):
-        step_row(borrowed(model), hull, borrowed(rows[i]), borrowed(actions[i]), borrowed(scratch))
+        row = borrowed(rows[i])
+        act = clipped(actions[i])
+        before = cos_tilt(load(row)[1])
+        drive_alone(model, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
+        wheels_down, others_down = 0, 0
+        for k in range(points):
+            if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
+                if k < model[r.WHEELS]:
+                    wheels_down += 1
+                else:
+                    others_down += 1
+        judge(model, row, act, before, wheels_down, others_down)
     return -1
 
 
+@jit
+def kind_of(model, row):
+    """How alike two rows' next steps will be: those of a kind share a group. 0 to KINDS - 1."""
+    closed = int(row[r.CLOSED])
+    if closed == 0:
+        return 0 if row[r.MOTION + 2] - model[r.PLANE + 9] > model[r.BOUND] else 1
+    n, slides = 0, 0
+    while closed:
+        closed &= closed - 1
+        if n < r.SLOTS:
+            force = vec(row, r.FORCES + 3 * n)
+            most = 0.99 * row[r.FRICTION] * force[0]
+            slides += force[1] * force[1] + force[2] * force[2] >= most * most
+        n += 1
+    return 2 + min(n, MAX_ALIKE - 1) * MAX_ALIKE + min(slides, MAX_ALIKE - 1)
+
+
+MAX_ALIKE = 6
+KINDS = 2 + MAX_ALIKE * MAX_ALIKE
+
+
+@jit
+def sort(model, rows, order):
+    """Fill `order` with the rows' indices, rows of a kind together."""
+    n = rows.shape[0]
+    begins = np.zeros(KINDS + 1, np.int64)
+    for i in range(n):
+        begins[kind_of(model, rows[i]) + 1] += 1
+    for kind in range(KINDS):
+        begins[kind + 1] += begins[kind]
+    for i in range(n):
+        kind = kind_of(model, rows[i])
+        order[begins[kind]] = i
+        begins[kind] += 1
+
+
+@stage
+def enter(model, row, act, lane, pad, hull, contacts, rows):
+    """Give a row's car to a lane."""
+    apart()
+    for j in range(lanes.TORQUE):
+        pad[j, lane] = row[j]
+    pad[lanes.TORQUE, lane], pad[lanes.TORQUE + 1, lane], pad[lanes.TORQUE + 2, lane] = actuate(row, act)
+    pad[lanes.MASS, lane] = row[r.MASS]
+    for j in range(3):
+        pad[lanes.INERTIA + j, lane] = row[r.INERTIA + j]
+    pad[lanes.FRICTION, lane] = row[r.FRICTION]
+    pad[lanes.RESTITUTION, lane] = row[r.RESTITUTION]
+    pad[lanes.WORK, lane] = row[r.WORK]
+    offset = vec(row, r.OFFSET)
+    if (pad[SHIFT, lane], pad[SHIFT + 1, lane], pad[SHIFT + 2, lane]) != offset:
+        pad[SHIFT, lane], pad[SHIFT + 1, lane], pad[SHIFT + 2, lane] = offset
+        pad[lanes.BOUND, lane] = place_hull(model, row, hull[:, :, lane])
+    pad[lanes.N, lane] = 0.0
+    closed = int(row[r.CLOSED])
+    slot = r.FORCES
+    k = 0
+    while closed:
+        if closed & 1:
+            force = (0.0, 0.0, 0.0)
+            if slot < r.STATE:
+                force = vec(row, slot)
+            lanes.attach(contacts, rows, pad, hull, lane, k, force)
+            slot += 3
+        closed >>= 1
+        k += 1
+
+
+@stage
+def leave(row, lane, pad, rows):
+    """The inverse, after the step."""
+    apart()
+    row[r.STATE + r.FAILED] = pad[lanes.FAILED, lane]
+    if pad[lanes.FAILED, lane] != 0.0:
+        return
+    for j in range(lanes.TORQUE):
+        row[j] = pad[j, lane]
+    row[r.WORK] = pad[lanes.WORK, lane]
+    row[r.STEPS] += 1.0
+    closed = 0
+    slot = r.FORCES
+    for c in range(int(pad[lanes.N, lane])):
+        k, force = lanes.attached(rows, c, lane)
+        closed |= 1 << k
+        if slot < r.STATE:
+            put(row, slot, force)
+            slot += 3
+    row[r.CLOSED] = closed
+    for j in range(slot, r.STATE):
+        row[j] = 0.0
+
+
+SHIFT = lanes.PAD
+"""Columns of the pad, after the solver's: the centre of mass for which a lane's hull is placed."""
+WHEELS_DOWN, OTHERS_DOWN = SHIFT + 3, SHIFT + 4
+PAD = SHIFT + 5
+
+
+@jit
+def count_down(contacts, wheels, pad):
+    """Count each lane's hull points that have touched, tyres and others."""
+    none = 0.0 * lanes.column(pad, lanes.MASS)
+    down = none
+    for k in range(wheels):
+        down = lanes.touched(contacts, k, down)
+    lanes.set_column(pad, WHEELS_DOWN, down)
+    down = none
+    for k in range(wheels, contacts.shape[0]):
+        down = lanes.touched(contacts, k, down)
+    lanes.set_column(pad, OTHERS_DOWN, down)
+
+
 @entry
-def look(model, row):
+def step_many(model, rows, actions):
+    """The same as `step` for many, which share the processor's lanes; actions must be finite."""
+    n, points = rows.shape[0], (model.shape[0] - r.HULL) // 4
+    order = np.empty(n, np.int64)
+    sort(model, rows, order)
+    pads = np.full((PAD, LANES), np.nan)
+    hulls, touches = np.empty((points, 4, LANES)), np.empty((points, 2, LANES))
+    contact_rows = np.zeros((points, CONTACT_ROW, LANES))
+    memories, scratches = np.empty((points, MEMORY)), np.empty((points, CONTACT_ROW))
+    pushes, nodes = np.empty((points, 3)), np.empty((points, 4))
+    pad, hull, contacts = borrowed(pads), borrowed(hulls), borrowed(touches)
+    held, memory, scratch = borrowed(contact_rows), borrowed(memories), borrowed(scratches)
+    push, spots = borrowed(pushes), borrowed(nodes)
+    ground = ground_of(model)
+    a = (0.0, 0.0, -model[r.GRAVITY])
+    substeps = int(model[r.SUBSTEPS])
+    h = model[r.CONTROL_DT] / substeps
+    for first in range(0, n, LANES):
+        used = min(LANES, n - first)
+        lanes.release(contacts)
+        for lane in range(LANES):
+            i = order[first + min(lane, used - 1)]
+            enter(model, borrowed(rows[i]), clipped(actions[i]), lane, pad, hull, contacts, held)
+        lanes.drive(pad, hull, contacts, held, used, ground, a, h, substeps, memory, scratch, push, spots)
+        count_down(contacts, int(model[r.WHEELS]), pad)
+        for lane in range(used):
+            i = order[first + lane]
+            row = borrowed(rows[i])
+            before = cos_tilt(load(row)[1])
+            leave(row, lane, pad, held)
+            wheels_down, others_down = int(pad[WHEELS_DOWN, lane]), int(pad[OTHERS_DOWN, lane])
+            judge(model, row, clipped(actions[i]), before, wheels_down, others_down)
+
+
+@jit
+def look_at(model, row):
     """Fill the results and the observation of a row that has just been set."""
-    out = row[r.results((model.size - r.HULL) // 4) :]
-    out[: r.RESULTS] = 0.0
+    for j in range(r.STATE, r.OBSERVED):
+        row[j] = 0.0
     x, quat, v, w = load(row)
-    observe_row(model, out, x, quat, v, w)
+    observe_row(model, row, x, quat, v, w)
+
+
+@entry
+def look(model, rows, which):
+    """`look_at` the rows of these indices."""
+    for i in which:
+        look_at(model, rows[i])

@@ -1,0 +1,105 @@
+"""Stable-Baselines3's environment: its contract, and that it is the single one."""
+
+import gymnasium as gym
+import numpy as np
+import pytest
+from stable_baselines3 import PPO
+from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
+
+from flipcar_env import FlipCarEnv, check_vec_env
+from flipcar_env import row as r
+from flipcar_env.sb3 import FlipCarVecEnv
+
+
+def test_it_is_the_single_environment():
+    check_vec_env(
+        lambda: gym.make("FlipCar-v0"), None, lambda n: FlipCarVecEnv(n, stagger=False), num_envs=9, steps=260
+    )
+
+
+def test_infos_of_finished_environments_have_what_sb3_reads():
+    env = FlipCarVecEnv(6, stagger=False, start="upright")
+    env.seed(4)
+    obs = env.reset()
+    total, seen = np.zeros(6), 0
+    for step in range(1, 60):
+        obs, rewards, dones, infos = env.step(np.zeros((6, 3)))
+        total += rewards
+        for i, info in enumerate(infos):
+            if not dones[i]:
+                assert info == {}
+                continue
+            if info["episode"]["l"] == step:
+                assert info["episode"]["r"] == pytest.approx(total[i], abs=1e-5)
+            assert info["is_success"] is True
+            assert info["TimeLimit.truncated"] is False
+            assert not np.array_equal(info["terminal_observation"], obs[i])
+            assert info["episode"]["t"] > 0
+            seen += 1
+    assert seen >= 6
+    assert rewards.dtype == np.float32
+
+
+def test_timeouts_do_not_come_together():
+    """Left to themselves, cars on their roofs all run out of time at once, and again and again."""
+    n = 50
+    ends = {}
+    for stagger in (True, False):
+        env = FlipCarVecEnv(n, stagger=stagger, start="roof")
+        env.seed(0)
+        env.reset()
+        ends[stagger] = np.array([env.step(np.zeros((n, 3)))[2].sum() for _ in range(520)])
+    assert ends[True].max() == 1
+    assert ends[True].sum() == pytest.approx(n * 520 / 250, rel=0.6)
+    assert ends[False].max() == n
+
+
+def test_a_curriculum_by_attribute_and_options():
+    env = FlipCarVecEnv(4, start="roof")
+    assert env.get_attr("start") == ["roof"] * 4
+    env.set_attr("start", "drop", indices=[1, 2])
+    assert env.get_attr("start") == ["roof", "drop", "drop", "roof"]
+    assert env.get_attr("render_mode", indices=0) == [None]
+    env.seed(0)
+    env.reset()
+    assert list(env.core.rows[:, r.START]) == [0, 3, 3, 0]
+    env.set_options({"start": "upright"})
+    env.reset()
+    assert list(env.core.rows[:, r.START]) == [5] * 4
+    env.reset()
+    assert list(env.core.rows[:, r.START]) == [0, 3, 3, 0]
+    for call, word in (
+        (lambda: env.set_attr("start", "moon"), "moon"),
+        (lambda: env.set_attr("colour", "red"), "colour"),
+        (lambda: env.env_method("fly"), "fly"),
+        (lambda: FlipCarVecEnv(2, stagger=1), "stagger"),
+        (lambda: FlipCarVecEnv(0), "num_envs"),
+        (lambda: env.seed(-3), "seed"),
+        (lambda: env.step(np.full((4, 3), np.nan)), "finite"),
+        (lambda: env.step(np.zeros((3, 3))), "shape"),
+    ):
+        with pytest.raises(ValueError, match=word):
+            call()
+
+
+def test_methods_of_each_environment():
+    env = FlipCarVecEnv(3)
+    env.seed(7)
+    env.reset()
+    states = env.env_method("get_state")
+    single = FlipCarEnv()
+    single.reset(seed=8)
+    np.testing.assert_array_equal(states[1], single.get_state())
+    env.step(np.ones((3, 3)))
+    env.env_method("set_state", states[1], indices=[1])
+    np.testing.assert_array_equal(env.env_method("get_state", indices=1)[0], states[1])
+    assert env.env_is_wrapped(VecMonitor) == [False] * 3
+    assert env.get_images() == [None] * 3
+
+
+def test_ppo_learns_on_it_wrapped_as_users_wrap_it():
+    env = VecNormalize(VecMonitor(FlipCarVecEnv(8)))
+    model = PPO("MlpPolicy", env, n_steps=64, batch_size=128, n_epochs=1, seed=0, device="cpu")
+    model.learn(2048)
+    assert model.num_timesteps == 2048
+    assert len(model.ep_info_buffer) > 0
