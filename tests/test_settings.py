@@ -5,7 +5,7 @@ from inspect import signature
 import numpy as np
 import pytest
 
-from flipcar_env import load_policy, task
+from flipcar_env import load_policy
 from flipcar_env.core import Core
 from flipcar_env.starts import KINDS
 from train import settings, settings_plot, settings_verdict
@@ -23,7 +23,6 @@ def rows():
 def test_the_default_is_the_environments():
     assert signature(Core).parameters["substeps"].default == DEFAULT
     found = settings.terms()["note"]
-    assert ("restitution" in found.split("out:")[1]) == (task.RESTITUTION is None)
     assert "friction" in found.split("out:")[0]
 
 

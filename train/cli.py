@@ -252,33 +252,40 @@ def settings(quick: bool = False, out: Path = Path("flipcar-settings"), redraw: 
     print(verdict(rows))
 
 
-def bench(rounds: int = 30, json: bool = False) -> None:
-    """Time the environment against CartPole-v1, in turns, in this process.
+def bench(rounds: int = 15, out: Path | None = None, json: bool = False) -> None:
+    """Time the environment beside CartPole-v1 and MuJoCo, in turns, in this process.
 
     Args:
-        rounds: blocks of 1000 steps of each.
+        rounds: how often each figure is taken.
+        out: CSV file to write, with the machine and versions.
         json: print JSON.
     """
     from .bench import bench as run
+    from .bench import write
 
-    result = run(load_policy("nominal"), rounds, lambda it: tqdm(it, unit="round", disable=json))
+    rows = run(rounds, lambda parts: tqdm(parts, unit="part", disable=json))
+    if out is not None:
+        write(out, rows)
     if json:
-        print(json_module.dumps(result, indent=2))
+        print(json_module.dumps(rows, indent=2))
         return
-    print(f"CartPole-v1: {result['cartpole_us']:.1f} µs a step")
-    for name, row in result.items():
-        if isinstance(row, dict):
-            low, high = row["ratio_p10_p90"]
-            print(
-                f"FlipCar-v0, {name}: {row['us']:.1f} µs a step of 10 substeps; "
-                f"CartPole / FlipCar = {row['ratio']:.2f} (10-90 %: {low:.2f} to {high:.2f})"
-            )
+    for row in rows:
+        spread = "" if row["p10"] == row["p90"] else f"  ({row['p10']:g} to {row['p90']:g})"
+        print(f"{row['figure']:32}{row['of']:26}{row['median']:>10g} {row['unit']}{spread}")
 
 
 def warmup() -> None:
-    """Compile everything now, so that later starts are quick."""
+    """Compile everything that environments need now, so that later starts are quick."""
+    import numpy as np
+
+    from flipcar_env.core import FEW, Core
+
     before = time.perf_counter()
     _play("nominal", ["roof"], 0, None)
+    drive = load_policy("nominal")
+    core = Core(FEW + 1, obs=drive.obs)
+    core.step(drive(core.observations()))
+    core.put_states(core.states.copy(), np.arange(core.n))
     print(f"ready in {time.perf_counter() - before:.1f} s")
 
 

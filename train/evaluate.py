@@ -42,8 +42,8 @@ def evaluate(
     """
     core = Core(episodes, start=start)
     for i in range(episodes):
-        core.set_key(i, seed + i)
-        core.begin(i, start)
+        core.seed(i, seed + i)
+    core.begin(np.arange(episodes))
     obs = core.observations()
     running = np.ones(episodes, dtype=bool)
     success = np.zeros(episodes, dtype=bool)

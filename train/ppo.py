@@ -49,18 +49,13 @@ def train(config: Config) -> Path:
     It holds config.json (with versions), progress.csv, model.zip (SB3's), policy.npz (ours) and
     evaluation.json.
     """
-    import torch
-    from stable_baselines3 import PPO
     from stable_baselines3.common import logger
-    from stable_baselines3.common.vec_env import VecNormalize
 
     from flipcar_env.policy import load_policy, save_policy
-    from flipcar_env.sb3 import FlipCarVecEnv
 
     from .evaluate import evaluate
     from .progress import ProgressBar
 
-    torch.set_num_threads(1)  # small networks: threads only get in each other's way
     name = f"ppo-{config.seed}-{time.strftime('%Y%m%d-%H%M%S')}"
     out = config.out or Path("runs") / name
     out.mkdir(parents=True, exist_ok=True)
@@ -71,9 +66,31 @@ def train(config: Config) -> Path:
     settings = {**asdict(config), "out": str(out), "versions": versions}
     (out / "config.json").write_text(json.dumps(settings, indent=2) + "\n")
 
+    model = learner(config)
+    env = model.get_vec_normalize_env()
+    model.set_logger(logger.configure(str(out), ["csv"]))
+    model.learn(config.steps, callback=ProgressBar(config.steps))
+    model.save(out / "model.zip")
+    save_policy(out / "policy.npz", layers(model, env), "egocentric")
+
+    policy = load_policy(out / "policy.npz")
+    results = evaluate(policy, start=config.start, episodes=config.eval_episodes)
+    (out / "evaluation.json").write_text(json.dumps(results, indent=2) + "\n")
+    return out
+
+
+def learner(config: Config):
+    """SB3's PPO on its cars, their observations and rewards scaled."""
+    import torch
+    from stable_baselines3 import PPO
+    from stable_baselines3.common.vec_env import VecNormalize
+
+    from flipcar_env.sb3 import FlipCarVecEnv
+
+    torch.set_num_threads(1)  # small networks: threads only get in each other's way
     cars = FlipCarVecEnv(config.num_envs, start=config.start)
     env = VecNormalize(cars, gamma=config.gamma, clip_obs=1e6)  # unclipped, so that it folds
-    model = PPO(
+    return PPO(
         "MlpPolicy",
         env,
         learning_rate=lambda left: config.learning_rate * (0.1 + 0.9 * left),
@@ -87,15 +104,6 @@ def train(config: Config) -> Path:
         seed=config.seed,
         device="cpu",
     )
-    model.set_logger(logger.configure(str(out), ["csv"]))
-    model.learn(config.steps, callback=ProgressBar(config.steps))
-    model.save(out / "model.zip")
-    save_policy(out / "policy.npz", layers(model, env), "egocentric")
-
-    policy = load_policy(out / "policy.npz")
-    results = evaluate(policy, start=config.start, episodes=config.eval_episodes)
-    (out / "evaluation.json").write_text(json.dumps(results, indent=2) + "\n")
-    return out
 
 
 def layers(model, env) -> list[tuple[np.ndarray, np.ndarray]]:

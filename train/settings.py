@@ -109,14 +109,14 @@ def _episodes(core: Core, kinds: list[str]) -> Iterator[np.ndarray]:
     Yields:
         before each control step, the indices of the cars still going.
     """
-    for i, kind in enumerate(kinds):
-        core.set_key(i, UNSEEN + i)
-        core.begin(i, kind)
+    for i in range(len(kinds)):
+        core.seed(i, UNSEEN + i)
+    core.begin(np.arange(len(kinds)), core.start_kinds(kinds))
     going = np.arange(len(kinds))
     while going.size:
         yield going
         rows = core.rows[going]
-        task.step(core.model, rows, _policy()(core.observed[going]))
+        task.step_many(core.model, rows, _policy()(core.observed[going]))
         core.rows[going] = rows
         results = core.results[going]
         going = going[(results[:, r.TERMINATED] == 0.0) & (results[:, r.TRUNCATED] == 0.0)]
@@ -135,8 +135,7 @@ def visited(quick: bool) -> np.ndarray:
 
 def _observed(core: Core, rows: np.ndarray) -> np.ndarray:
     """(n, k) float32: the observations in rows."""
-    first = 2 * (r.results(core.points) + r.RESULTS)
-    return rows.view(np.float32)[:, first : first + core.observed.shape[1]].copy()
+    return rows.view(np.float32)[:, 2 * r.OBSERVED :][:, : core.observed.shape[1]].copy()
 
 
 @cache
@@ -146,7 +145,7 @@ def _fine(quick: bool) -> tuple[list[np.ndarray], list[np.ndarray]]:
     obs, actions, seen = _observed(core, rows), [], []
     for _ in range(max(HORIZONS)):
         actions.append(_policy()(obs))
-        task.step(core.model, rows, actions[-1])
+        task.step_many(core.model, rows, actions[-1])
         obs = _observed(core, rows)
         seen.append(obs)
     return actions, seen
@@ -170,8 +169,8 @@ def error(substeps: int, horizon: int, quick: bool) -> Row:
     actions, seen = _fine(quick)
     failed = np.zeros(len(rows), dtype=bool)
     for action in actions[:horizon]:
-        task.step(core.model, rows, action)
-        failed |= rows[:, r.results(core.points) + r.FAILED] != 0.0
+        task.step_many(core.model, rows, action)
+        failed |= rows[:, r.STATE + r.FAILED] != 0.0
     return EMPTY | {
         "quantity": "error",
         "method": "impulse",
@@ -199,7 +198,7 @@ def cost(substeps: int, quick: bool) -> Row:
     def timed(model: np.ndarray) -> float:
         mine = rows.copy()
         before = perf_counter()
-        task.step(model, mine, action)
+        task.step(model, mine, action, core.push)
         return 1e9 * (perf_counter() - before) / len(mine)
 
     models = _core(1, substeps).model, core.model
@@ -238,7 +237,7 @@ def rival(method: str, substeps: int, quick: bool) -> Row:
         except SolverError:
             continue
         row[: r.STEPS] = to_kernel(scene.body, run.state)[0]
-        task.look(core.model, row)
+        task.look(core.model, row[None], np.zeros(1, np.int64))
         ends.append(row)
         right.append(seen[0][i])
         if len(seconds) < RIVALS_TIMED:
@@ -285,7 +284,11 @@ def success(substeps: int, start: str, episodes: int) -> Row:
 
 
 def terms() -> Row:
-    """Which terms the car's kernel has: `Scene.explain` in one line."""
-    found = re.findall(r"^(\S.*?)\s+(in|out)\s", _scene().explain(), re.MULTILINE)
+    """Which terms the car's kernel has: `Scene.explain` in one line.
+
+    Restitution is one of them, as randomised cars have some.
+    """
+    scene = Scene(car.body(), friction=car.FRICTION, restitution=car.RESTITUTION_RANGE[1])
+    found = re.findall(r"^(\S.*?)\s+(in|out)\s", scene.explain(), re.MULTILINE)
     lists = {where: ", ".join(term for term, is_in in found if is_in == where) for where in ("in", "out")}
     return EMPTY | {"quantity": "terms", "note": f"in: {lists['in']}; out: {lists['out']}"}
