@@ -119,7 +119,7 @@ def drive_alone(model, row, torque, hull, contacts, scratch, push):
     m, inertia = row[r.MASS], vec(row, r.INERTIA)
     inverse = (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2])
     body = (m, 1.0 / m, inertia, inverse, bound)
-    law = (row[r.FRICTION], row[r.RESTITUTION], True, True, True, None)
+    law = (row[r.FRICTION], row[r.RESTITUTION], True, True, True, row[r.FRICTION])
     ground = ground_of(model)
     a = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
@@ -131,8 +131,8 @@ def drive_alone(model, row, torque, hull, contacts, scratch, push):
     clear = 0.0
     row[r.STATE + r.FAILED] = 0.0
     for done in range(substeps):
-        x1, quat1, v1, w1, clear, still = impulse.step(
-            body, hull, ground, law, a, torque, x, quat, v, w, contacts, scratch, push, h, clear
+        x1, quat1, v1, w1, clear, still, _k = impulse.split_step(
+            body, hull, ground, law, a, torque, x, quat, v, w, contacts, scratch, push, h, clear, 0
         )
         if not is_finite(x1, quat1, v1, w1):
             row[r.STATE + r.FAILED] = 1.0
@@ -242,7 +242,7 @@ def enter(model, row, act, lane, pad, hull, contacts, rows):
     pad[lanes.MASS, lane] = row[r.MASS]
     for j in range(3):
         pad[lanes.INERTIA + j, lane] = row[r.INERTIA + j]
-    pad[lanes.FRICTION, lane] = row[r.FRICTION]
+    pad[lanes.FRICTION, lane] = pad[lanes.BLOW_FRICTION, lane] = row[r.FRICTION]
     pad[lanes.RESTITUTION, lane] = row[r.RESTITUTION]
     pad[lanes.WORK, lane] = row[r.WORK]
     offset = vec(row, r.OFFSET)
@@ -258,7 +258,7 @@ def enter(model, row, act, lane, pad, hull, contacts, rows):
             force = (0.0, 0.0, 0.0)
             if slot < r.STATE:
                 force = vec(row, slot)
-            lanes.attach(contacts, rows, pad, hull, lane, k, force)
+            lanes.attach(contacts, rows, pad, hull, None, lane, k, force)
             slot += 3
         closed >>= 1
         k += 1
@@ -278,7 +278,7 @@ def leave(row, lane, pad, rows):
     closed = 0
     slot = r.FORCES
     for c in range(int(pad[lanes.N, lane])):
-        k, force = lanes.attached(rows, c, lane)
+        k, force = lanes.attached(rows, None, c, lane)
         closed |= 1 << k
         if slot < r.STATE:
             put(row, slot, force)
@@ -318,7 +318,7 @@ def step_many(model, rows, actions):
     hulls, touches = np.empty((points, 4, LANES)), np.empty((points, 2, LANES))
     contact_rows = np.zeros((points, CONTACT_ROW, LANES))
     memories, scratches = np.empty((points, MEMORY)), np.empty((points, CONTACT_ROW))
-    pushes, nodes = np.empty((points, 3)), np.empty((points, 4))
+    pushes, nodes = np.empty((points, 4)), np.empty((points, 4))
     pad, hull, contacts = borrowed(pads), borrowed(hulls), borrowed(touches)
     held, memory, scratch = borrowed(contact_rows), borrowed(memories), borrowed(scratches)
     push, spots = borrowed(pushes), borrowed(nodes)
@@ -332,7 +332,9 @@ def step_many(model, rows, actions):
         for lane in range(LANES):
             i = order[first + min(lane, used - 1)]
             enter(model, borrowed(rows[i]), clipped(actions[i]), lane, pad, hull, contacts, held)
-        lanes.drive(pad, hull, contacts, held, used, ground, a, h, substeps, memory, scratch, push, spots)
+        lanes.drive(
+            pad, hull, contacts, held, None, used, ground, a, h, substeps, memory, scratch, push, spots
+        )
         count_down(contacts, int(model[r.WHEELS]), pad)
         for lane in range(used):
             i = order[first + lane]

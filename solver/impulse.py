@@ -391,6 +391,12 @@ def bend(field, u):
 
 
 @traced
+def turned(field, v, w, h):
+    """How far the body turns in h seconds, and at most the ground under it, rad."""
+    return h * (sqrt(dot(w, w)) + bend(field, sqrt(dot(v, v))))
+
+
+@traced
 def sagitta(field, bound, a, v, w, v1, w1, h):
     """More than any hull point's gap in h seconds sags below the line between its ends, m."""
     w2 = 1.6 * most(dot(w, w), dot(w1, w1))
@@ -538,6 +544,26 @@ def deepest(several, bound, hull, ground, x, quat, v, contacts, h, k, clear):
     return at, clear if at == k else 0.0
 
 
+@jit
+def split_step(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push, h, clear, k):
+    """`step`, in pieces if the body turns far.
+
+    The arguments are those of `step`; k is the hull point that may touch, where there are not several.
+
+    Returns:
+        (x, quat, v, w, clear, still, k): still is 0 after several pieces.
+    """
+    pieces = 1 + int(min(turned(ground[4], v, w, h) / MAX_STEP_TURN, MAX_STEP_PIECES))
+    still = 0
+    for _ in range(pieces):
+        k, clear = deepest(law[3], body[4], hull, ground, x, quat, v, contacts, h, k, clear)
+        x, quat, v, w, clear, still = step(
+            body, alone(law[3], hull, k), ground, law, a, torque,
+            x, quat, v, w, alone(law[3], contacts, k), rows, alone(law[3], push, k), h / pieces, clear,
+        )  # fmt: skip
+    return x, quat, v, w, clear, still if pieces == 1 else 0, k
+
+
 @entry
 def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     """n steps of h seconds, in place.
@@ -573,18 +599,12 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     clear = 0.0
     k = 0
     for done in range(n):
-        turn = h * (sqrt(dot(w, w)) + bend(ground_[4], sqrt(dot(v, v))))
-        pieces = 1 + int(min(turn / MAX_STEP_TURN, MAX_STEP_PIECES))
-        still = 0
-        for _piece in range(pieces):
-            k, clear = deepest(law[3], body_[4], points, ground_, x, quat, v, memory, h, k, clear)
-            x, quat, v, w, clear, still = step(
-                body_, alone(law[3], points, k), ground_, law, a_, torque_,
-                x, quat, v, w, alone(law[3], memory, k), rows, alone(law[3], push, k), h / pieces, clear,
-            )  # fmt: skip
+        x, quat, v, w, clear, still, k = split_step(
+            body_, points, ground_, law, a_, torque_, x, quat, v, w, memory, rows, push, h, clear, k
+        )
         if not is_finite(x, quat, v, w):
             return NOT_FINITE
-        asleep = still > 0 and pieces == 1 and (x, quat, v, w) == load(state)
+        asleep = still > 0 and (x, quat, v, w) == load(state)
         store(state, x, quat, v, w)
         if asleep:
             repeat(rows, still, ground_, alone(law[3], push, k), n - 1 - done)

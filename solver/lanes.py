@@ -12,14 +12,40 @@ The lanes of a group are in arrays whose last index is the lane:
     rows      (p, WIDTH, lanes) a row for each closed contact, as in `sweep`; of the first N of them
 """
 
+import numpy as np
+
 from . import impulse
-from .algebra import apart, axpy, dot, jit, matrix, put2, scale, stage, times, vec2
-from .impulse import dip, drift, fly, reach, sagitta
+from .algebra import (
+    add,
+    apart,
+    axpy,
+    borrowed,
+    dot,
+    entry,
+    jit,
+    matrix,
+    put2,
+    scale,
+    stage,
+    times,
+    vec,
+    vec2,
+)
+from .impulse import (
+    MAX_STEP_TURN,
+    dip,
+    drift,
+    fly,
+    in_world,
+    reach,
+    sagitta,
+    turned,
+)
 from .kick import again, hold
-from .model import CLOSED, OPEN, TOUCH, gap, is_finite, seen
+from .model import CLOSED, MEMORY, OPEN, TOUCH, gap, is_finite, seen
 from .project import SHARED_TOLERANCE, clearance, shove_on_plane
-from .sweep import FORCE, GAP, HELD, POINT, RHO, B, P
-from .trace import every, filled, largest, no, some, traced, where
+from .sweep import FORCE, GAP, HELD, POINT, PUSH, RHO, WIDTH, B, P
+from .trace import LANES, every, filled, largest, no, some, traced, where
 
 # Columns of the pad.
 MOTION = 0  # x, quat, v in world and w in principal axes: 13 numbers
@@ -35,7 +61,8 @@ WORK = 25  # the integral of |torque · w|, J
 OK = 26  # 1: the lane has made its step
 STEADY = 27  # 1: it has made some since its rows were last renewed
 FAILED = 28  # 1: its state was no longer finite; the last good one is kept
-PAD = 29
+BLOW_FRICTION = 29  # the friction coefficient of blows
+PAD = 30
 
 
 @traced
@@ -68,6 +95,13 @@ def _remembered(rows, c, n, ok, h, changed):
     renew = ok & (c < n) & no(same)
     put2(rows, c, FORCE, where(renew, scale(1.0 / h, p), F))
     return changed | renew
+
+
+@traced
+def _tallied(rows, c, n, ok, ground):
+    """Row c's impulse, added to all its impulses."""
+    push = vec2(rows, c, PUSH)
+    put2(rows, c, PUSH, where(ok & (c < n), add(in_world(ground, vec2(rows, c, P)), push), push))
 
 
 @traced
@@ -115,13 +149,14 @@ def steady(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, n,
         will further steps change anything?
     """
     bound = body[4]
+    slow = turned(None, v, w, h) < MAX_STEP_TURN
     high = _flies(ground, bound, a, x, v, h)
     bare = n == 0
     x_f, quat_f, v_f, w_f = x, quat, v, w
     if some(high):
         x_f, quat_f, v_f, w_f = fly(body, law[2], a, torque, x, quat, v, w, h)
         if every(high & bare):
-            return is_finite(x_f, quat_f, v_f, w_f), high, x_f, quat_f, v_f, w_f, filled(clear, 0.0)
+            return slow & is_finite(x_f, quat_f, v_f, w_f), high, x_f, quat_f, v_f, w_f, filled(clear, 0.0)
     ok = no(high)
     if some(ok & no(clear > TOUCH)):
         ok = ok & no(arrives(hull, ground, contacts, seen(ground, matrix(quat), x), clear))
@@ -157,7 +192,7 @@ def steady(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, n,
 
     ok = where(high, bare, ok)
     x1, quat1, v1, w1 = where(high, (x_f, quat_f, v_f, w_f), (x1, quat1, v1, w1))
-    ok = ok & is_finite(x1, quat1, v1, w1)
+    ok = slow & ok & is_finite(x1, quat1, v1, w1)
     changed = _moved_on(x, quat, v, w, x1, quat1, v1, w1)
     for c in range(int(largest(n))):
         changed = _remembered(rows, c, n, ok, h, changed)
@@ -231,7 +266,7 @@ def set_row(array, k, at, number):
 
 
 @jit
-def attach(contacts, rows, pad, hull, lane, k, F):
+def attach(contacts, rows, pad, hull, pushes, lane, k, F):
     """Close point k's contact in a lane; points come in ascending order. F is its force in the last step."""
     c = int(pad[N, lane])
     pad[N, lane] = c + 1
@@ -239,20 +274,22 @@ def attach(contacts, rows, pad, hull, lane, k, F):
     rows[c, POINT, lane] = k
     rows[c, HELD, lane] = 1.0
     rows[c, GAP, lane] = 0.0
-    rows[c, B, lane], rows[c, B + 1, lane], rows[c, B + 2, lane] = (
-        hull[k, 0, lane],
-        hull[k, 1, lane],
-        hull[k, 2, lane],
-    )
     rows[c, RHO, lane] = hull[k, 3, lane]
+    for j in range(3):
+        rows[c, B + j, lane] = hull[k, j, lane]
+        if pushes is not None:
+            rows[c, PUSH + j, lane] = pushes[k, j, lane]
     rows[c, FORCE, lane], rows[c, FORCE + 1, lane], rows[c, FORCE + 2, lane] = F
 
 
 @jit
-def attached(rows, c, lane):
-    """(k, F) of a lane's contact c."""
-    F = (rows[c, FORCE, lane], rows[c, FORCE + 1, lane], rows[c, FORCE + 2, lane])
-    return int(rows[c, POINT, lane]), F
+def attached(rows, pushes, c, lane):
+    """(k, F) of a lane's contact c; its impulses so far go to `pushes`, where that is wanted."""
+    k = int(rows[c, POINT, lane])
+    if pushes is not None:
+        for j in range(3):
+            pushes[k, j, lane] = rows[c, PUSH + j, lane]
+    return k, (rows[c, FORCE, lane], rows[c, FORCE + 1, lane], rows[c, FORCE + 2, lane])
 
 
 @traced
@@ -262,12 +299,12 @@ def touched(contacts, k, counts):
 
 
 @stage
-def alone(pad, hull, contacts, rows, lane, ground, a, h, memory, scratch, push, points):
-    """One step of one lane, by `impulse.step`."""
+def alone(pad, hull, contacts, rows, pushes, lane, ground, a, h, memory, scratch, push, points):
+    """One step of one lane, by `impulse.split_step`."""
     apart()
     memory[:] = 0.0
     for c in range(int(pad[N, lane])):
-        k, F = attached(rows, c, lane)
+        k, F = attached(rows, pushes, c, lane)
         memory[k, 0] = CLOSED
         put2(memory, k, 1, F)
         if pad[STEADY, lane] != 0.0:
@@ -277,19 +314,21 @@ def alone(pad, hull, contacts, rows, lane, ground, a, h, memory, scratch, push, 
     for k in range(hull.shape[0]):
         for j in range(4):
             points[k, j] = hull[k, j, lane]
+        if pushes is not None:
+            for j in range(3):
+                push[k, j] = pushes[k, j, lane]
     m = pad[MASS, lane]
     J = (pad[INERTIA, lane], pad[INERTIA + 1, lane], pad[INERTIA + 2, lane])
-    inv_J = (1.0 / J[0], 1.0 / J[1], 1.0 / J[2])
+    body = (m, 1.0 / m, J, (1.0 / J[0], 1.0 / J[1], 1.0 / J[2]), pad[BOUND, lane])
+    law = (pad[FRICTION, lane], pad[RESTITUTION, lane], True, True, True, pad[BLOW_FRICTION, lane])
     torque = (pad[TORQUE, lane], pad[TORQUE + 1, lane], pad[TORQUE + 2, lane])
     w0 = (pad[10, lane], pad[11, lane], pad[12, lane])
-    x, quat, v, w, clear, _still = impulse.step(
-        (m, 1.0 / m, J, inv_J, pad[BOUND, lane]), points, ground,
-        (pad[FRICTION, lane], pad[RESTITUTION, lane], True, True, True, None), a, torque,
-        (pad[0, lane], pad[1, lane], pad[2, lane]),
-        (pad[3, lane], pad[4, lane], pad[5, lane], pad[6, lane]),
-        (pad[7, lane], pad[8, lane], pad[9, lane]), w0,
-        memory, scratch, push, h, pad[CLEAR, lane],
-    )  # fmt: skip
+    x, v, w = (pad[0, lane], pad[1, lane], pad[2, lane]), (pad[7, lane], pad[8, lane], pad[9, lane]), w0
+    quat = (pad[3, lane], pad[4, lane], pad[5, lane], pad[6, lane])
+    clear = pad[CLEAR, lane]
+    x, quat, v, w, clear, _still, _k = impulse.split_step(
+        body, points, ground, law, a, torque, x, quat, v, w, memory, scratch, push, h, clear, 0
+    )
     if not is_finite(x, quat, v, w):
         pad[FAILED, lane] = 1.0
         return
@@ -301,14 +340,17 @@ def alone(pad, hull, contacts, rows, lane, ground, a, h, memory, scratch, push, 
     pad[WORK, lane] += 0.5 * h * (power(torque, w0) + power(torque, w))
     pad[N, lane] = pad[STEADY, lane] = 0.0
     for k in range(hull.shape[0]):
+        if pushes is not None:
+            for j in range(3):
+                pushes[k, j, lane] = push[k, j]
         if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
             contacts[k, 1, lane] = 1.0
         if memory[k, 0] != OPEN:
-            attach(contacts, rows, pad, hull, lane, k, vec2(memory, k, 1))
+            attach(contacts, rows, pad, hull, pushes, lane, k, vec2(memory, k, 1))
 
 
 @jit
-def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch, push, points):
+def drive(pad, hull, contacts, rows, pushes, used, ground, a, h, steps, memory, scratch, push, points):
     """So many steps of h seconds of a group of bodies, in place; f32 and fields are not for it.
 
     A lane whose state would not be finite is FAILED, and stays as it was.
@@ -318,6 +360,7 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
         hull: see above, as are
         contacts: these, and
         rows: these, both from `attach`.
+        pushes: (p, 3, lanes) all impulses on each hull point, world axes, N s; None: not wanted.
         used: how many lanes there are bodies in; the others must hold one of those again.
         ground: (N, t1, t2, d, None), as in `model`.
         a: m/s², of all of them.
@@ -325,7 +368,7 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
         steps: how many.
         memory: (p, MEMORY) scratch.
         scratch: (p, WIDTH) scratch.
-        push: (p, 3) scratch.
+        push: (p, 4) scratch.
         points: (p, 4) scratch.
     """
     set_column(pad, CLEAR, 0.0)
@@ -344,6 +387,9 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
         work = where(ok, work + 0.5 * h * (power(torque, w) + power(torque, w1)), work)
         x, quat, v, w, clear = where(ok, (x1, quat1, v1, w1, clear1), (x, quat, v, w, clear))
         made = made | ok
+        if pushes is not None:
+            for c in range(int(largest(n))):
+                _tallied(rows, c, n, ok, ground)
         if not every(ok):
             store_motion(pad, x, quat, v, w)
             set_column(pad, CLEAR, clear)
@@ -352,7 +398,9 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
             set_truth(pad, STEADY, made)
             for lane in range(used):
                 if pad[OK, lane] == 0.0 and pad[FAILED, lane] == 0.0:
-                    alone(pad, hull, contacts, rows, lane, ground, a, h, memory, scratch, push, points)
+                    alone(
+                        pad, hull, contacts, rows, pushes, lane, ground, a, h, memory, scratch, push, points
+                    )
             x, quat, v, w = load_motion(pad)
             n, clear, work = column(pad, N), column(pad, CLEAR), column(pad, WORK)
             alive = column(pad, FAILED) == 0.0
@@ -360,6 +408,9 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
         elif not some(changed):  # nor will it
             for _ in range(done + 1, steps):
                 work = where(alive, work + h * power(torque, w), work)
+                if pushes is not None:
+                    for c in range(int(largest(n))):
+                        _tallied(rows, c, n, alive, ground)
             break
     store_motion(pad, x, quat, v, w)
     set_column(pad, WORK, work)
@@ -368,3 +419,78 @@ def drive(pad, hull, contacts, rows, used, ground, a, h, steps, memory, scratch,
         if pad[STEADY, lane] != 0.0:
             for c in range(int(pad[N, lane])):
                 contacts[int(rows[c, POINT, lane]), 1, lane] = 1.0
+
+
+@entry
+def run_many(body, hull, ground, law, a, torque, states, memories, f, h, n):
+    """n steps of h seconds of each of many bodies, in place: `impulse.run` for all of them.
+
+    Args:
+        body: (5,) m, principal moments, radius of the bounding sphere.
+        hull: (p, 4).
+        ground: (10,) N, t1, t2, d.
+        law: (3,) μ, e, μ of blows; no term is left out, which changes no bit.
+        a: (3,) m/s².
+        torque: (3,) N m, principal axes.
+        states: (m, 13) x, quat, v (world axes), w (principal axes).
+        memories: (m, p, MEMORY) the contacts' memories.
+        f: (m, p) filled with the mean normal force of each hull point, N.
+        h: s.
+        n: steps.
+
+    Returns:
+        The first body whose state was no longer finite, or -1; its state is as before the step that failed.
+    """
+    points = hull.shape[0]
+    pads, hulls = np.zeros((PAD, LANES)), np.empty((points, 4, LANES))
+    touches, contact_rows = np.empty((points, 2, LANES)), np.zeros((points, WIDTH, LANES))
+    totals, memory = np.empty((points, 3, LANES)), np.empty((points, MEMORY))
+    scratches, tally, spots = np.empty((points, WIDTH)), np.empty((points, 4)), np.empty((points, 4))
+    pad, nodes, contacts, rows = borrowed(pads), borrowed(hulls), borrowed(touches), borrowed(contact_rows)
+    pushes = borrowed(totals)
+    plane = (vec(ground, 0), vec(ground, 3), vec(ground, 6), ground[9], None)
+    a_ = vec(a, 0)
+    for k in range(points):
+        for j in range(4):
+            for lane in range(LANES):
+                nodes[k, j, lane] = hull[k, j]
+    failed = -1
+    for first in range(0, states.shape[0], LANES):
+        used = min(LANES, states.shape[0] - first)
+        release(contacts)
+        totals[:] = 0.0
+        for lane in range(LANES):
+            i = first + min(lane, used - 1)
+            for j in range(TORQUE):
+                pad[j, lane] = states[i, j]
+            for j in range(3):
+                pad[TORQUE + j, lane] = torque[j]
+                pad[INERTIA + j, lane] = body[1 + j]
+            pad[MASS, lane], pad[BOUND, lane] = body[0], body[4]
+            pad[FRICTION, lane], pad[RESTITUTION, lane], pad[BLOW_FRICTION, lane] = law[0], law[1], law[2]
+            pad[N, lane] = pad[WORK, lane] = 0.0
+            for k in range(points):
+                if memories[i, k, 0] != OPEN:
+                    F = (memories[i, k, 1], memories[i, k, 2], memories[i, k, 3])
+                    attach(contacts, rows, pad, nodes, pushes, lane, k, F)
+        drive(
+            pad, nodes, contacts, rows, pushes, used, plane, a_, h, n,
+            borrowed(memory), borrowed(scratches), borrowed(tally), borrowed(spots),
+        )  # fmt: skip
+        for lane in range(used):
+            i = first + lane
+            for j in range(TORQUE):
+                states[i, j] = pad[j, lane]
+            for k in range(points):
+                for j in range(MEMORY):
+                    memories[i, k, j] = 0.0
+            for c in range(int(pad[N, lane])):
+                k, F = attached(rows, pushes, c, lane)
+                memories[i, k, 0] = CLOSED
+                memories[i, k, 1], memories[i, k, 2], memories[i, k, 3] = F
+            for k in range(points):
+                push = (pushes[k, 0, lane], pushes[k, 1, lane], pushes[k, 2, lane])
+                f[i, k] = dot(plane[0], push) / (n * h) if n > 0 else 0.0
+            if pad[FAILED, lane] != 0.0 and failed < 0:
+                failed = i
+    return failed

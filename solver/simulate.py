@@ -9,6 +9,7 @@ import numpy as np
 from . import acceleration, baumgarte, impulse
 from .errors import SolverError, finite, number, one_of
 from .exact import run as exact
+from .lanes import run_many
 from .model import CROWDED, MEMORY, NOT_FINITE, PAINLEVE, STUCK, TOUCH
 from .scene import DEEPEST_START, Scene, State, from_kernel, to_kernel, to_principal
 
@@ -44,6 +45,9 @@ _REASONS = {
     STUCK: "events follow one another without end; another method may pass them",
     PAINLEVE: "Painlevé's paradox: no contact force satisfies Eq. 11; a method with impulses resolves it",
 }
+FEW = 4
+"""So many bodies, or fewer, run one by one: lanes pay from there on."""
+
 MAX_LIFTS = 60
 WHOLE_STEP = 1e-6
 """duration/dt this close to a whole number counts as one."""
@@ -95,7 +99,8 @@ def simulate(
 
     Args:
         scene: body, surface, gravity, contact law.
-        state: where it starts; a batch runs body by body.
+        state: where it starts. A batch runs body by body, or with "impulse" over a plane eight at once:
+            either way each body's bits are those it has alone.
         duration: s.
         dt: step, s.
         method: one of `METHODS`.
@@ -156,14 +161,24 @@ def simulate(
                     return j, flag
             return len(rows), 0
 
+        def share_lanes(first):
+            cut = cuts[first], cuts[first + 1]
+            part = rows[slice(*cut)], memory[slice(*cut)], f[slice(*cut)]
+            j = run_many(*what[:2], what[2][0], full, a, tau, *part, h, n)
+            return (cut[0] + j, NOT_FINITE) if j >= 0 else (len(rows), 0)
+
         # the failed body of lowest index, whoever had it
-        j, flag = min(pool.map(share, range(threads)) if threads > 1 else [share(0)])
+        one = share_lanes if in_lanes else share
+        j, flag = min(pool.map(one, range(threads)) if threads > 1 else [one(0)])
         if flag:
             index = j if state.x.ndim == 2 else None
             raise SolverError(_REASONS[flag], t, from_kernel(body, rows[j]), index)
 
     kernel = KERNELS[method]
     what = kernel_arguments(scene, method)
+    in_lanes = method == "impulse" and len(rows) > FEW and points > 1 and scene.surface.field is None
+    full = np.array([scene.friction, scene.restitution, scene.blow_friction])
+    cuts = np.linspace(0, len(rows), threads + 1).astype(int)
     with ThreadPoolExecutor(threads) as pool:  # it starts no thread before it has work
         run_all(0, dt, 0.0, forces[0])
         for start in starts:

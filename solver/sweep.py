@@ -47,7 +47,9 @@ RHO = np.intp(63)  # its radius, m
 HELD = np.intp(64)  # 1: it is held on the surface; 0: it is kept from passing through
 GAP = np.intp(65)  # m
 FORCE = np.intp(66)  # along N, t1, t2 in the last step, N
-WIDTH = 69
+# And what lanes keep in it from step to step:
+PUSH = np.intp(69)  # all its impulses so far, world axes, N s
+WIDTH = 72
 # What `project.shove` keeps there once the impulses are known: Eq. 8 for positions, per metre of gap.
 RISE = np.intp(19)
 ROLL = np.intp(20)

@@ -110,9 +110,11 @@ def test_training_runs_and_leaves_what_it_promises(tmp_path):
 
 
 def test_bench_reports_ratios_taken_in_one_run(tmp_path):
-    done = flipcar("bench", "--rounds", "2", "--json", cwd=tmp_path)
-    rows = [row for row in json.loads(done.stdout).values() if isinstance(row, dict)]
-    assert len(rows) == 3
-    for row in rows:
-        assert row["ratio"] > 0
-        assert row["ratio_p10_p90"][0] <= row["ratio"] <= row["ratio_p10_p90"][1]
+    done = flipcar("bench", "--rounds", "1", "--json", "--out", "bench.csv", cwd=tmp_path)
+    rows = json.loads(done.stdout)
+    assert all(0 < row["p10"] <= row["median"] <= row["p90"] for row in rows)
+    figures = {row["figure"] for row in rows}
+    assert {"CartPole-v1 / FlipCar-v0", "MuJoCo / FlipCar", "two threads / one", "memory"} <= figures
+    shares = [row["median"] for row in rows if "PPO" in row["figure"] and row["unit"] == "%"]
+    assert sum(shares) == pytest.approx(100, abs=0.1)
+    assert "cpu" in (tmp_path / "bench.csv").read_text()

@@ -50,7 +50,7 @@ def test_leaving_a_zero_term_out_changes_no_bit(term):
     rng = np.random.default_rng(len(term))
     for _ in range(3):
         scene = scenes(rng)[term]
-        state = toss(rng, scene, 6)
+        state = toss(rng, scene, 4)  # few enough to run one by one: lanes leave nothing out
         lean = simulate(scene, state, 1.5, record_every=5)
         assert (lean.f > 0).any()
         assert None in scene.law
