@@ -254,7 +254,7 @@ def peer(rounds: int) -> list[Row]:
 def batch(rounds: int) -> list[Row]:
     """Threads and memory."""
     one, two = _batch("tumbling", 4096), _batch("tumbling", 4096, threads=2)
-    times = _turns(max(3, rounds // 3), one, two)
+    times = _turns(max(1, rounds // 2), one, two)
     row = Core(1).rows
     return [
         _row("two threads / one", "tumbling", times[:, 0] / times[:, 1], "ratio", "4096 cars"),
@@ -291,7 +291,7 @@ def gymnasiums(rounds: int) -> list[Row]:
 
     rows = []
     for name, measure in (("benchmark_step", rate), ("benchmark_vector_step", vector_rate)):
-        pairs = [(measure("FlipCar-v0"), measure("CartPole-v1")) for _ in range(max(3, rounds // 5))]
+        pairs = [(measure("FlipCar-v0"), measure("CartPole-v1")) for _ in range(max(1, rounds // 5))]
         ours, theirs = np.array(pairs).T
         how = "gymnasium.utils.performance" + (f", {MANY} environments" if "vector" in name else "")
         rows.append(_row(name, "FlipCar-v0", ours, "environment steps/s", how))
@@ -323,7 +323,7 @@ def learning(rounds: int) -> list[Row]:
     watch(model.get_env().unwrapped, "step_wait", "environment")
     watch(model.policy, "forward", "network in rollouts")
     watch(model, "train", "updates")
-    updates = max(3, rounds // 3)
+    updates = max(1, rounds // 3)
     size = config.n_steps * config.num_envs
     model.learn(size)
     spent.update(dict.fromkeys(spent, 0.0))
