@@ -4,7 +4,7 @@ import itertools
 import os
 import sys
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
@@ -31,6 +31,9 @@ FEW = 4
 
 PATIENCE = 2.0
 """s; what is on disk already is loaded in a tenth of that."""
+
+HUGE = 1e300
+"""Beyond it a state's energy may be ∞ - ∞."""
 
 ERROR = "the state was no longer finite; it is left as it was before the step"
 
@@ -96,11 +99,8 @@ class Core:
         )
         self.observation_space = observe.space(obs)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
-        size = self.observation_space.shape[0]
-        self.rows = np.zeros((n, r.width(size)))
-        self.states = self.rows[:, : r.STATE]
-        self.results = self.rows[:, r.STATE : r.OBSERVED]
-        self.observed = self.rows.view(np.float32)[:, 2 * r.OBSERVED :][:, :size]
+        self.rows = np.zeros((n, r.width(self.observation_space.shape[0])))
+        self._name_parts()
         self.push = np.zeros((self.points, 3))
         """N s, of the last environment stepped alone: each hull point's impulse in world axes."""
         with announced():  # so that the first step is as quick as any
@@ -110,6 +110,16 @@ class Core:
                 task.step(self.model, rows, actions, self.push)
             else:
                 task.step_many(self.model, rows, actions)
+
+    def _name_parts(self) -> None:
+        self.states = self.rows[:, : r.STATE]
+        self.results = self.rows[:, r.STATE : r.OBSERVED]
+        observed = self.rows.view(np.float32)[:, 2 * r.OBSERVED :]
+        self.observed = observed[:, : self.observation_space.shape[0]]
+
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+        self._name_parts()  # a pickled or copied view would be an array of its own
 
     def start_kinds(self, start: Any, name: str = "start") -> np.ndarray:
         """(n,) indices of kinds of start, from one kind or one for each environment."""
@@ -131,6 +141,21 @@ class Core:
         if isinstance(value, str) or not isinstance(value, Sequence | np.ndarray) or len(value) != self.n:
             raise ValueError(f"{name} must be one value or one for each of {self.n}, got {value!r}")
         return list(value)
+
+    def indices(self, indices: Any) -> np.ndarray:
+        """Indices of environments, from one, several or None: all.
+
+        Raises:
+            ValueError: there are no such environments, or they are told by a mask.
+        """
+        if indices is None:
+            return np.arange(self.n)
+        which = np.array([*indices] if isinstance(indices, Iterable) else [indices])
+        if not which.size:
+            return np.zeros(0, np.int64)
+        if which.ndim != 1 or which.dtype.kind not in "iu" or which.min() < 0 or which.max() >= self.n:
+            raise ValueError(f"indices must be whole numbers from 0 to {self.n - 1}, got {indices!r}")
+        return which
 
     def seed(self, i: int, seed: int) -> None:
         """Give environment i the random stream of a seed, from its first episode."""
@@ -236,12 +261,10 @@ class Core:
         Raises:
             ValueError: not numbers, or another shape.
         """
-        array = np.asarray(actions)
-        if array.dtype.kind not in "fiub":
-            raise ValueError(f"actions must be real numbers, got {array.dtype}")
+        array = real("actions", actions)
         if array.shape != (self.n, 3):
             raise ValueError(f"actions must have shape ({self.n}, 3), got {array.shape}")
-        return np.ascontiguousarray(array, dtype=np.float32)
+        return np.ascontiguousarray(array)
 
     def check_states(self, states: Any, n: int | None = None, name: str = "state") -> np.ndarray:
         """State arrays as `get_state` gives them: (STATE,), or (n, STATE).
@@ -257,6 +280,9 @@ class Core:
                 worst = array[..., column] if n is None else array[~holds, column][0]
                 raise ValueError(f"{name}'s {words}, got {worst:g}")
 
+        motion = abs(array[..., : r.STEPS]).max(axis=-1)
+        if not np.all(motion <= HUGE):
+            raise ValueError(f"{name}'s motion must be within ±{HUGE:g}, got {motion.max():g}")
         norm = np.linalg.norm(array[..., 3:7], axis=-1)
         if not np.all(abs(norm - 1.0) <= UNIT_TOLERANCE):
             worst = norm.flat[np.argmax(abs(norm - 1.0))]
@@ -294,6 +320,21 @@ def announced() -> Iterator[None]:
         yield
     finally:
         timer.cancel()
+
+
+def real(name: str, value: Any) -> np.ndarray:
+    """`value` as a float32 array, itself if it is one.
+
+    Raises:
+        ValueError: not real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError as error:  # ragged
+        raise ValueError(f"{name} must be real numbers, got {value!r}") from error
+    if array.dtype.kind not in "fiub":
+        raise ValueError(f"{name} must be real numbers, got {array.dtype}")
+    return array.astype(np.float32, copy=False)
 
 
 def whole(name: str, value: Any, low: int, high: int | None = None) -> int:

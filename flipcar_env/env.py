@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.errors import one_of
 
-from .core import Core
+from .core import Core, real
 from .row import REWARD, TERMINATED, TRUNCATED
 
 
@@ -115,9 +115,16 @@ class FlipCarEnv(gym.Env):
         self.core = Core(1, start, terrain, randomize, obs, control_dt, substeps, method)
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
+        self._name_parts()
+        self._started = False
+
+    def _name_parts(self) -> None:
         self._results = self.core.results[0]
         self._observed = self.core.observed[0]
-        self._started = False
+
+    def __setstate__(self, values: dict[str, Any]) -> None:
+        self.__dict__.update(values)
+        self._name_parts()  # a pickled or copied view would be an array of its own
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None):
         """Start an episode: the next of this environment's stream, or the first of a seed's.
@@ -142,10 +149,11 @@ class FlipCarEnv(gym.Env):
         return self._observed.copy(), self.core.start_info(0)
 
     def step(self, action):
-        """One control step. A non-finite action is refused and changes nothing."""
+        """One control step. An action that is no three finite numbers is refused and changes nothing."""
         if not self._started:
             raise gym.error.ResetNeeded("call reset() before step()")
-        action = np.asarray(action, np.float32)
+        if type(action) is not np.ndarray or action.dtype != np.float32:
+            action = real("action", action)
         if action.shape != (3,):
             raise ValueError(f"action must have shape (3,), got {action.shape}")
         self.core.step(action[None])

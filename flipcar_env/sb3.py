@@ -14,6 +14,8 @@ from . import starts
 from .core import Core
 from .env import FlipCarEnv
 
+KINDS = (*starts.KINDS, "any")
+
 
 class FlipCarVecEnv(VecEnv):
     """`num_envs` cars in one compiled call; environment i is the single one seeded s + i, bit for bit.
@@ -52,14 +54,24 @@ class FlipCarVecEnv(VecEnv):
         self._seeds = self.core.seeds(seed)
         return list(self._seeds)  # type: ignore[arg-type]
 
+    def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
+        """Set what the next reset starts from: {"start": kind}, or one such dict for each environment.
+
+        Raises:
+            ValueError: other options, kinds or lengths; the options set before stay then.
+        """
+        options = options or {}
+        for one in [options] if isinstance(options, dict) else self.core.each("options", options):
+            for name, value in one.items():
+                one_of(one_of("options", name, ("start",)), value, KINDS)
+        super().set_options(options)
+
     def reset(self) -> np.ndarray:
         """Start an episode in every environment, by the options that `set_options` has given: "start"."""
         kinds = self.core.kinds.copy()
         for i, options in enumerate(self._options):
-            for name in options:
-                one_of("options", name, ("start",))
             if "start" in options:
-                kinds[i] = self.core.start_kinds(options["start"])[i]
+                kinds[i] = KINDS.index(options["start"])
         if not self._keyed and self._seeds[0] is None:
             self.seed()
         for i, seed in enumerate(self._seeds):
@@ -77,7 +89,13 @@ class FlipCarVecEnv(VecEnv):
         return self.core.observations()
 
     def step_async(self, actions: np.ndarray) -> None:
-        """Take the actions, (num_envs, 3)."""
+        """Take the actions, (num_envs, 3).
+
+        Raises:
+            ValueError: not such actions, or there has been no reset yet.
+        """
+        if not self._keyed:
+            raise ValueError("environments must be reset before the first step")
         self._actions = self.core.check_actions(actions)
 
     def step_wait(self):
@@ -117,14 +135,14 @@ class FlipCarVecEnv(VecEnv):
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """`start` of each environment; any other attribute is this object's, once for each index."""
         if attr_name == "start":
-            return [(*starts.KINDS, "any")[self.core.kinds[i]] for i in self._get_indices(indices)]
+            return [KINDS[self.core.kinds[i]] for i in self._get_indices(indices)]
         return [getattr(self, attr_name) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: Any = None) -> None:
         """Set `start` of each environment in `indices`, for the episodes to come."""
         one_of("attr_name", attr_name, ("start",))
         kind = self.core.start_kinds(value)
-        which = list(self._get_indices(indices))
+        which = self._get_indices(indices)
         self.core.kinds[which] = kind[which]
 
     def env_method(
@@ -142,8 +160,8 @@ class FlipCarVecEnv(VecEnv):
         """No environment is wrapped."""
         return [False for _ in self._get_indices(indices)]
 
-    def _get_indices(self, indices: int | Iterable[int] | None) -> Iterable[int]:
-        return range(self.num_envs) if indices is None else super()._get_indices(indices)
+    def _get_indices(self, indices: int | Iterable[int] | None) -> list[int]:
+        return self.core.indices(indices).tolist()
 
     def _get_state(self, i: int) -> np.ndarray:
         return self.core.states[i].copy()
@@ -151,3 +169,4 @@ class FlipCarVecEnv(VecEnv):
     def _set_state(self, i: int, state: np.ndarray) -> None:
         self.core.put_states(self.core.check_states(state), np.array([i]))
         self._returns[i] = 0.0
+        self._limits[i] = np.inf  # it was the limit of the episode that this one replaces

@@ -7,7 +7,7 @@ import numpy as np
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from solver.errors import finite, one_of
+from solver.errors import one_of
 
 from . import reward, starts
 from . import row as r
@@ -131,7 +131,8 @@ class FlipCarVectorEnv(VectorEnv):
         """One control step of all.
 
         Args:
-            actions: (n, 3), clipped to [-1, 1].
+            actions: (n, 3), clipped to [-1, 1]. In mode NEXT_STEP that of an environment whose episode is
+                over counts for nothing, whatever it is: it begins the next one.
 
         Raises:
             ValueError: actions of another shape or type, or not finite, or an environment whose episode is
@@ -144,9 +145,12 @@ class FlipCarVectorEnv(VectorEnv):
         if disabled and self._over.any():
             over = np.flatnonzero(self._over).tolist()
             raise ValueError(f"environments must be reset when their episode is over; it is in {over}")
-        core.step(core.check_actions(actions))
-        began = self._over
-        if began.any():  # NEXT_STEP: their action was for nothing
+        actions, began = core.check_actions(actions), self._over
+        some_begin = began.any()  # only in mode NEXT_STEP
+        if some_begin:
+            actions = np.where(began[:, None], np.float32(0.0), actions)
+        core.step(actions)
+        if some_begin:
             core.begin(np.flatnonzero(began))
         terminated, truncated = core.ended()
         rewards = core.results[:, r.REWARD].copy()
@@ -221,15 +225,7 @@ class FlipCarVectorEnv(VectorEnv):
         Raises:
             ValueError: it is not such an array, or no such environments; nothing has changed then.
         """
-        which = self._indices(indices)
+        which = self.core.indices(indices)
         self.core.put_states(self.core.check_states(state, len(which)), which)
         self._started[which] = True
         self._over[which] = False
-
-    def _indices(self, indices: Sequence[int] | None) -> np.ndarray:
-        if indices is None:
-            return np.arange(self.num_envs)
-        which = finite("indices", indices)
-        if which.ndim != 1 or ((which < 0) | (which >= self.num_envs) | (which % 1 != 0)).any():
-            raise ValueError(f"indices must be whole numbers from 0 to {self.num_envs - 1}, got {indices!r}")
-        return which.astype(np.int64)

@@ -114,7 +114,9 @@ def test_a_restored_state_lives_the_same_future_and_times_out_at_the_same_step()
     np.testing.assert_array_equal(env.get_state(), state)
 
 
-@pytest.mark.parametrize("bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [[0, 0, 0]], "left"])
+@pytest.mark.parametrize(
+    "bad", [[np.nan, 0, 0], [0, np.inf, 0], [0, 0], [[0, 0, 0]], "left", "123", [1j, 0, 0], None]
+)
 def test_a_bad_action_is_refused_and_changes_nothing(bad):
     env = FlipCarEnv()
     env.reset(seed=0)

@@ -1,5 +1,8 @@
 """Stable-Baselines3's environment: its contract, and that it is the single one."""
 
+import copy
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -80,6 +83,55 @@ def test_a_curriculum_by_attribute_and_options():
     ):
         with pytest.raises(ValueError, match=word):
             call()
+
+
+def test_a_refused_call_changes_no_environment():
+    env = FlipCarVecEnv(4, start="roof")
+    with pytest.raises(ValueError, match="reset"):
+        env.step(np.zeros((4, 3)))
+    env.seed(0)
+    env.reset()
+    before, state = env.core.rows.copy(), env.env_method("get_state")[0]
+    state[0] = 3.0
+    for call, word in (
+        (lambda: env.env_method("set_state", state, indices=[0, 4]), "indices.*0 to 3"),
+        (lambda: env.env_method("set_state", state, indices=[True, False]), "indices.*0 to 3"),
+        (lambda: env.env_method("set_state", state[:3]), "shape"),
+        (lambda: env.set_attr("start", "drop", indices=[0, -1]), "indices.*0 to 3"),
+        (lambda: env.set_options({"colour": "red"}), "colour"),
+        (lambda: env.set_options({"start": "moon"}), "moon"),
+        (lambda: env.set_options([{"start": "drop"}] * 3), "each of 4"),
+        (lambda: env.step(np.full((4, 3), "left")), "actions"),
+    ):
+        with pytest.raises(ValueError, match=word):
+            call()
+        np.testing.assert_array_equal(env.core.rows, before)
+    assert env.get_attr("start", indices=np.int64(2)) == ["roof"]
+    env.set_options([{"start": "drop"}, {}, {"start": "side"}, {}])
+    env.reset()
+    assert list(env.core.rows[:, r.START]) == [3, 0, 1, 0]
+
+
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+def test_a_copy_lives_on_alike(again):
+    env = FlipCarVecEnv(5)
+    env.seed(1)
+    env.reset()
+    other = again(env)
+    for _ in range(60):
+        for a, b in zip(env.step(np.ones((5, 3)))[:3], other.step(np.ones((5, 3)))[:3], strict=True):
+            np.testing.assert_array_equal(a, b)
+
+
+def test_a_state_that_is_set_is_not_cut_short_by_the_first_episodes_limit():
+    env = FlipCarVecEnv(10, start="roof")
+    env.seed(0)
+    env.reset()
+    state = env.env_method("get_state", indices=0)[0]
+    state[r.STEPS] = 200
+    env.env_method("set_state", state, indices=0)
+    dones = [env.step(np.zeros((10, 3)))[2][0] for _ in range(50)]
+    assert np.flatnonzero(dones).tolist() == [49]
 
 
 def test_methods_of_each_environment():

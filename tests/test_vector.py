@@ -1,5 +1,8 @@
 """Batches of environments: Gymnasium's contract, equality with the single one, bad input, failures."""
 
+import copy
+import pickle
+
 import gymnasium as gym
 import numpy as np
 import pytest
@@ -107,6 +110,40 @@ def test_an_environment_takes_less_than_a_kilobyte():
     assert Core(1).rows.nbytes <= 1024
 
 
+@pytest.mark.parametrize("again", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
+@pytest.mark.parametrize("n", [0, 3, 9])
+def test_a_copy_lives_on_by_itself_and_alike(n, again):
+    env = make(n) if n else FlipCarEnv()
+    actions = np.full((n, 3) if n else 3, 0.7, np.float32)
+    env.reset(seed=2)
+    env.step(actions)
+    other, before = again(env), env.get_state()
+    for _ in range(5):
+        obs = other.step(actions)[0]
+    np.testing.assert_array_equal(env.get_state(), before)
+    for _ in range(5):
+        want = env.step(actions)[0]
+    np.testing.assert_array_equal(obs, want)
+    assert not np.array_equal(env.get_state(), before)
+
+
+def test_the_action_that_next_step_ignores_may_be_anything():
+    ours, theirs = make(2, start=["upright", "roof"]), make(2, start=["upright", "roof"])
+    for env in (ours, theirs):
+        env.reset(seed=0)
+    over = np.zeros(2, bool)
+    while not over.any():
+        for env in (ours, theirs):
+            _, _, terminated, truncated, _ = env.step(np.zeros((2, 3)))
+        over = terminated | truncated
+    assert list(over) == [True, False]
+    anything = np.zeros((2, 3))
+    anything[0] = np.nan
+    same(ours.step(anything), theirs.step(np.zeros((2, 3))), "the next step")
+    with pytest.raises(ValueError, match="environment 0"):
+        ours.step(anything)
+
+
 def test_state_get_and_set_for_all_and_for_some():
     env = make(5, start=["roof", "side", "nose", "drop", "crash"])
     _, infos = env.reset(seed=1)
@@ -201,6 +238,9 @@ NAN = np.array([[0, 0, 0], [0, 0, 0], [0, np.nan, 0]])
         (lambda env: env.reset(options={"state": np.zeros((2, r.STATE))}), ["state", "shape"]),
         (lambda env: env.set_state(env.get_state() * np.nan), ["state", "finite"]),
         (lambda env: env.set_state(env.get_state()[:1], indices=[7]), ["indices", "7"]),
+        (lambda env: env.set_state(env.get_state()[:1], indices=[0.5]), ["indices", "0.5"]),
+        (lambda env: env.set_state(env.get_state(), indices=np.ones(3, bool)), ["indices", "True"]),
+        (lambda env: env.step([[0.0] * 3, [0.0] * 3, [0.0]]), ["actions", "real numbers"]),
     ],
 )
 def test_a_refused_call_changes_no_environment(call, words):
@@ -217,6 +257,7 @@ def test_a_refused_call_changes_no_environment(call, words):
 @pytest.mark.parametrize(
     ("entry", "value", "word"),
     [
+        (r.MOTION, -1e301, "motion"),
         (r.MASS, 0.0, "mass"),
         (r.INERTIA, -1.0, "inertia"),
         (r.INERTIA, 9e9, "inertia"),
@@ -329,21 +370,28 @@ class Broken(FlipCarVectorEnv):
 
     def __init__(self, n, fault):
         super().__init__(n)
-        self.fault, self.buffer = fault, None
+        self.fault, self.buffer, self.rewards = fault, None, np.zeros(n)
 
     def reset(self, *, seed=None, options=None):
         seed = seed + 1 if self.fault == "seed" else seed
         obs, infos = super().reset(seed=seed, options=options)
+        if self.fault == "zero":
+            obs[obs == 0] *= -1
         self.buffer = obs if self.fault == "buffer" else None
         return obs, infos
 
     def step(self, actions):
         if self.fault == "nan":
             actions = np.nan_to_num(actions)
+        if self.fault == "half" and not np.isfinite(actions).all():
+            super().step(np.nan_to_num(actions))
         obs, reward, terminated, truncated, infos = super().step(actions)
         if self.fault == "buffer":
             self.buffer[:] = obs
             obs = self.buffer
+        if self.fault == "rewards":
+            self.rewards[:] = reward
+            reward = self.rewards
         if self.fault == "reward":
             reward[-1] = np.nextafter(reward[-1], 9)
         if self.fault == "final":
@@ -355,7 +403,10 @@ class Broken(FlipCarVectorEnv):
     ("fault", "words"),
     [
         ("seed", "environment 0, step 0: the first observation"),
-        ("buffer", "handed out before have changed"),
+        ("buffer", "observations handed out before have changed"),
+        ("rewards", "rewards handed out before have changed"),
+        ("zero", "step 0: the first observation"),
+        ("half", "environment 0, step 2 after 2 refused calls"),
         ("reward", "environment 3, step 1: the reward"),
         ("final", "the final observation"),
         ("nan", "which the single one refuses"),
