@@ -101,6 +101,7 @@ class Core:
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.rows = np.zeros((n, r.width(self.observation_space.shape[0])))
         self._name_parts()
+        self.actions = np.zeros((n, 3), np.float32)
         self.push = np.zeros((self.points, 3))
         """N s, of the last environment stepped alone: each hull point's impulse in world axes."""
         with announced():  # so that the first step is as quick as any
@@ -255,16 +256,24 @@ class Core:
         """(n, m) float32, freshly made."""
         return self.observed.copy()
 
-    def check_actions(self, actions: Any) -> np.ndarray:
-        """(n, 3) float32.
+    def take(self, actions: Any, shape: tuple[int, ...], name: str = "actions") -> np.ndarray:
+        """Check actions, and copy them into (n, 3) float32 of our own.
+
+        For one that is strided, or that can't be written to, the step would be compiled once more.
 
         Raises:
-            ValueError: not numbers, or another shape.
+            ValueError: not real numbers, or another shape.
         """
-        array = real("actions", actions)
-        if array.shape != (self.n, 3):
-            raise ValueError(f"actions must have shape ({self.n}, 3), got {array.shape}")
-        return np.ascontiguousarray(array)
+        try:
+            array = np.asarray(actions)
+        except ValueError as error:  # ragged
+            raise ValueError(f"{name} must be real numbers of shape {shape}, got {actions!r}") from error
+        if array.dtype.kind not in "fiub":
+            raise ValueError(f"{name} must be real numbers, got {array.dtype}")
+        if array.shape != shape:
+            raise ValueError(f"{name} must have shape {shape}, got {array.shape}")
+        self.actions[...] = array
+        return self.actions
 
     def check_states(self, states: Any, n: int | None = None, name: str = "state") -> np.ndarray:
         """State arrays as `get_state` gives them: (STATE,), or (n, STATE).
@@ -320,21 +329,6 @@ def announced() -> Iterator[None]:
         yield
     finally:
         timer.cancel()
-
-
-def real(name: str, value: Any) -> np.ndarray:
-    """`value` as a float32 array, itself if it is one.
-
-    Raises:
-        ValueError: not real numbers.
-    """
-    try:
-        array = np.asarray(value)
-    except ValueError as error:  # ragged
-        raise ValueError(f"{name} must be real numbers, got {value!r}") from error
-    if array.dtype.kind not in "fiub":
-        raise ValueError(f"{name} must be real numbers, got {array.dtype}")
-    return array.astype(np.float32, copy=False)
 
 
 def whole(name: str, value: Any, low: int, high: int | None = None) -> int:

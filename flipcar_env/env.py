@@ -7,7 +7,7 @@ import numpy as np
 
 from solver.errors import one_of
 
-from .core import Core, real
+from .core import Core
 from .row import REWARD, TERMINATED, TRUNCATED
 
 
@@ -152,11 +152,7 @@ class FlipCarEnv(gym.Env):
         """One control step. An action that is no three finite numbers is refused and changes nothing."""
         if not self._started:
             raise gym.error.ResetNeeded("call reset() before step()")
-        if type(action) is not np.ndarray or action.dtype != np.float32:
-            action = real("action", action)
-        if action.shape != (3,):
-            raise ValueError(f"action must have shape (3,), got {action.shape}")
-        self.core.step(action[None])
+        self.core.step(self.core.take(action, SHAPE, "action"))
         results = self._results.tolist()
         return (
             self._observed.copy(),
@@ -183,6 +179,9 @@ class FlipCarEnv(gym.Env):
         """(p, 3) impulse on each hull point over the last control step, world axes, N s."""
         return self.core.push.copy()
 
+
+SHAPE = (3,)
+"""Of an action."""
 
 FIRST = np.zeros(1, np.int64)
 """The only environment's index."""

@@ -43,7 +43,6 @@ class FlipCarVecEnv(VecEnv):
         super().__init__(num_envs, self.core.observation_space, self.core.action_space)
         self._returns = np.zeros(num_envs)
         self._limits = np.full(num_envs, np.inf)
-        self._actions = np.zeros((num_envs, 3), np.float32)
         self._keyed = False
         self._began = time.time()
 
@@ -96,12 +95,12 @@ class FlipCarVecEnv(VecEnv):
         """
         if not self._keyed:
             raise ValueError("environments must be reset before the first step")
-        self._actions = self.core.check_actions(actions)
+        self.core.take(actions, (self.num_envs, 3))
 
     def step_wait(self):
         """One control step of all. Observations are fresh arrays each time."""
         core = self.core
-        core.step(self._actions)
+        core.step(core.actions)
         obs = core.observations()
         rewards = core.results[:, r.REWARD].astype(np.float32)
         terminated, truncated = core.ended()

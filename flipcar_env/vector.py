@@ -145,7 +145,7 @@ class FlipCarVectorEnv(VectorEnv):
         if disabled and self._over.any():
             over = np.flatnonzero(self._over).tolist()
             raise ValueError(f"environments must be reset when their episode is over; it is in {over}")
-        actions, began = core.check_actions(actions), self._over
+        actions, began = core.take(actions, (core.n, 3)), self._over
         some_begin = began.any()  # only in mode NEXT_STEP
         if some_begin:
             actions = np.where(began[:, None], np.float32(0.0), actions)
