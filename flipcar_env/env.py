@@ -7,8 +7,8 @@ import numpy as np
 
 from solver.errors import one_of
 
-from .core import Core
-from .row import REWARD, TERMINATED, TRUNCATED
+from .core import Core, whole
+from .row import FAILED, REWARD, TERMINATED, TRUNCATED
 
 
 class FlipCarEnv(gym.Env):
@@ -132,7 +132,11 @@ class FlipCarEnv(gym.Env):
         Args:
             seed: of the stream.
             options: {"start": kind} or {"state": array}.
+
+        Raises:
+            ValueError: seed or options are not what they must be; nothing has changed then.
         """
+        seed = None if seed is None else whole("seed", seed, 0)
         options = options or {}
         for name in options:
             one_of("options", name, ("start", "state"))
@@ -176,7 +180,12 @@ class FlipCarEnv(gym.Env):
         self._started = True
 
     def contact_impulses(self) -> np.ndarray:
-        """(p, 3) impulse on each hull point over the last control step, world axes, N s."""
+        """(p, 3) impulse on each hull point over the last control step, world axes, N s.
+
+        A step that was undone, as its state was no longer finite, has none.
+        """
+        if self._results[FAILED]:
+            return np.zeros_like(self.core.push)
         return self.core.push.copy()
 
 

@@ -155,7 +155,7 @@ def drive_alone(model, row, torque, hull, contacts, scratch, push):
 def not_finite(actions):
     """The first row of actions that is not finite; -1 if all are."""
     for i in range(actions.shape[0]):
-        if not 0.0 * (actions[i, 0] + actions[i, 1] + actions[i, 2]) == 0.0:
+        if not 0.0 * actions[i, 0] + 0.0 * actions[i, 1] + 0.0 * actions[i, 2] == 0.0:
             return i
     return -1
 

@@ -166,6 +166,15 @@ def test_bad_states_and_options_are_named_and_change_nothing():
     np.testing.assert_array_equal(env.get_state(), state)
 
 
+def test_seeds_that_are_none_are_named_and_huge_actions_are_clipped():
+    env = FlipCarEnv()
+    for bad in (-1, 0.5):
+        with pytest.raises(ValueError, match="seed"):
+            env.reset(seed=bad)
+    env.reset(seed=np.int64(3))
+    env.step(np.full(3, 3e38, np.float32))
+
+
 def test_actions_are_clipped_and_torque_acts_about_the_cars_axes():
     env = FlipCarEnv()
     for action in ([1, 0, 0], [0, 1, 0], [0, 0, 1]):

@@ -326,6 +326,7 @@ def test_one_that_is_no_longer_finite_ends_alone_and_can_be_replayed(n):
     *_, truncated, info = alone.step(actions[1])
     assert truncated
     np.testing.assert_array_equal(info["solver_error_state"], state[1])
+    np.testing.assert_array_equal(alone.contact_impulses(), 0.0)
     obs, _, _, truncated, infos = env.step(actions)  # it begins anew
     assert not truncated[1]
     assert "solver_error" not in infos
