@@ -28,24 +28,25 @@ FRICTION = 0.8
 RESTITUTION = 0.0
 """Bodywork crumples; tyres are locked and stiff."""
 
-# What `randomize` draws anew for each episode, uniformly, from minus to plus so much of the nominal, or
-# within the limits given.
+# What `randomize` draws anew for each episode, uniformly: the nominal car plus or minus a share, or a range.
 MASS_SPREAD = 0.15
-"""A second person, fuel and spare wheels add up to 200 kg; a stripped shell lacks as much."""
+"""A crew of two, fuel and a spare wheel weigh 200 kg, 16 % of the bare car."""
 
 INERTIA_SPREAD = 0.15
-"""Each axis, beside the mass: loads in the nose or the tail rather than in the middle."""
+"""Of each axis, beside what the mass brings: 80 kg moved from the middle to both bumpers is 18 % in yaw."""
 
 OFFSET_SPREAD = (0.08, 0.05, 0.04)
-"""m, forward, left, up: engines, tanks and crews differ; 8 cm is 3 % of the weight from axle to axle."""
+"""m, forward, left, up. 8 cm forward and 5 cm to the left are 3 % of the weight from axle to axle and
+from side to side; 4 cm up is a suspension raised for gravel."""
 
 FRICTION_RANGE = (0.4, 1.0)
-"""From wet grass to dry tarmac, under sheet metal and rubber."""
+"""From wet grass under sheet metal to rubber on dry tarmac."""
 
 RESTITUTION_RANGE = (0.0, 0.2)
-"""Bodywork gives; a cage and tyres spring back a little."""
+"""Bodywork crumples; tyres and the roll cage spring back a little."""
 
 LIMIT_SPREAD = 0.1
+"""What a motor's rating and its supply leave open."""
 
 WHEELBASE = 2.5
 WHEEL_RADIUS = 0.32
@@ -88,6 +89,24 @@ HULL = _mirrored()
 
 N_WHEELS = 4
 """The first so many hull points are tyres."""
+
+NOMINAL = np.array([MASS, *INERTIA, 0.0, 0.0, 0.0, FRICTION, RESTITUTION, *TORQUE_LIMIT])
+"""(12,) the car as its columns in a row (`row.CAR`): mass, inertia, offset of the centre of mass,
+friction, restitution, torque limits."""
+
+
+def _ranges() -> np.ndarray:
+    spread = np.concatenate(
+        [[MASS_SPREAD], np.full(3, INERTIA_SPREAD), np.zeros(5), np.full(3, LIMIT_SPREAD)]
+    )
+    ranges = np.stack([NOMINAL * (1.0 - spread), NOMINAL * (1.0 + spread)], axis=1)
+    ranges[4:7, 0], ranges[4:7, 1] = np.negative(OFFSET_SPREAD), OFFSET_SPREAD
+    ranges[7], ranges[8] = FRICTION_RANGE, RESTITUTION_RANGE
+    return ranges
+
+
+RANGES = _ranges()
+"""(12, 2) least and most of each; of the inertia at the nominal mass, with which it grows."""
 
 
 def body() -> Body:

@@ -1,6 +1,5 @@
 """What every kind of environment is made of: rows, buffers and settings, stepped by compiled code."""
 
-import itertools
 import os
 import sys
 import threading
@@ -8,23 +7,22 @@ from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from functools import cache
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from gymnasium import spaces
 
-from solver import METHODS, Plane
+from solver import METHODS, HeightField, Plane
 from solver.errors import finite, number, one_of
 from solver.scene import UNIT_TOLERANCE
 
 from . import car, observe, reward, starts, task
 from . import row as r
+from . import terrain as grounds
 
 GRAVITY = 9.81
 EPISODE_TIME = 10.0
 """s."""
-
-TERRAINS = ("level",)
 
 FEW = 4
 """So many environments, or fewer, are stepped one by one: lanes pay from there on."""
@@ -38,15 +36,33 @@ HUGE = 1e300
 ERROR = "the state was no longer finite; it is left as it was before the step"
 
 
+NOBODY = np.zeros(0, np.int64)
+"""Indices of no environment."""
+
+
+class Ground(NamedTuple):
+    """What the environments on one kind of ground share.
+
+    Attributes:
+        model: as in `row.model`.
+        surface: of the ground.
+        which: (m,) indices of these environments.
+    """
+
+    model: np.ndarray
+    surface: Plane | HeightField
+    which: np.ndarray
+
+
 class Core:
     """The rows, buffers and settings of n environments.
 
     Args:
         n: how many environments.
         start: kind of start, or "any"; or one for each environment.
-        terrain: "level".
+        terrain: "level", "slope", "bumpy" or "ditch"; or one for each environment.
         randomize: whether each episode has a car of its own (`car`); or one for each environment.
-        obs: "egocentric" or "state".
+        obs: "egocentric", "state" or "privileged".
         control_dt: s between actions.
         substeps: physics steps in each.
         method: contact method.
@@ -57,13 +73,15 @@ class Core:
         states: (n, k) their part that the future depends on.
         results: (n, RESULTS) their part that the last step has made.
         observed: (n, m) float32, the observations.
+        grounds: the kinds of ground that there are, and who is on them.
+        push: (p, PUSH) N s, of the last environment stepped alone: the impulse on each hull point.
     """
 
     def __init__(
         self,
         n: int = 1,
         start: str | Sequence[str] = "any",
-        terrain: str = "level",
+        terrain: str | Sequence[str] = "level",
         randomize: bool | Sequence[bool] = False,
         obs: str = "egocentric",
         control_dt: float = 0.04,
@@ -73,44 +91,46 @@ class Core:
     ):
         self.n = whole("num_envs", n, 1)
         self.threads = whole("threads", threads, 1)
-        one_of("terrain", terrain, TERRAINS)
         one_of("obs", obs, observe.KINDS)
         control_dt = number("control_dt", control_dt, above=0.0, high=0.5)
         substeps = whole("substeps", substeps, 1, 1000)
         if one_of("method", method, METHODS) != "impulse":
             raise ValueError(f"method must be 'impulse' in the environment, got {method!r}")
         self.kinds = self.start_kinds(start)
+        terrains = self.names("terrain", terrain, grounds.KINDS)
         self.random = self.flags("randomize", randomize)
         self.obs_kind = obs
         self.control_dt = control_dt
         body = car.body()
         self.points = len(body.hull)
-        self.car = r.car(body, (0.0, 0.0, 0.0), (car.FRICTION, car.RESTITUTION), car.TORQUE_LIMIT)
-        self.model = r.model(
-            body,
-            Plane(),
-            GRAVITY,
-            car.N_WHEELS,
-            control_dt,
-            substeps,
-            round(EPISODE_TIME / control_dt),
-            int(np.ceil(reward.HOLD_TIME / control_dt - 1e-9)),
-            observe.KINDS.index(obs),
-        )
+
+        def ground(kind: str) -> Ground:
+            surface = grounds.surface(kind)
+            model = r.model(
+                body,
+                surface.parameters,
+                GRAVITY,
+                car.N_WHEELS,
+                control_dt,
+                substeps,
+                round(EPISODE_TIME / control_dt),
+                int(np.ceil(reward.HOLD_TIME / control_dt - 1e-9)),
+                observe.KINDS.index(obs),
+                0.0 if kind == "level" else grounds.SCATTER,
+            )
+            return Ground(model, surface, np.flatnonzero([one == kind for one in terrains]))
+
+        self.grounds = [ground(kind) for kind in dict.fromkeys(terrains)]
         self.observation_space = observe.space(obs)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.rows = np.zeros((n, r.width(self.observation_space.shape[0])))
         self._name_parts()
         self.actions = np.zeros((n, 3), np.float32)
-        self.push = np.zeros((self.points, 3))
-        """N s, of the last environment stepped alone: each hull point's impulse in world axes."""
+        self.push = np.zeros((self.points, task.PUSH))
         with announced():  # so that the first step is as quick as any
-            self.begin(np.zeros(0, np.int64))
-            rows, actions = self.rows[:0], np.zeros((0, 3), np.float32)
-            if n <= FEW:
-                task.step(self.model, rows, actions, self.push)
-            else:
-                task.step_many(self.model, rows, actions)
+            self.begin(NOBODY)
+            for one in self.grounds:
+                self._step(one, NOBODY, self.actions, self.push)
 
     def _name_parts(self) -> None:
         self.states = self.rows[:, : r.STATE]
@@ -125,9 +145,14 @@ class Core:
     def start_kinds(self, start: Any, name: str = "start") -> np.ndarray:
         """(n,) indices of kinds of start, from one kind or one for each environment."""
         kinds = [*starts.KINDS, "any"]  # so "any" gets `starts.ANY`
-        if isinstance(start, str):
-            return np.full(self.n, kinds.index(one_of(name, start, kinds)))
-        return np.array([kinds.index(one_of(name, kind, kinds)) for kind in self.each(name, start)])
+        return np.array([kinds.index(kind) for kind in self.names(name, start, kinds)])
+
+    def names(self, name: str, value: Any, allowed: Iterable[str]) -> list[str]:
+        """One of the names allowed for each environment, from one for all or one for each."""
+        values = [value] * self.n if isinstance(value, str) else self.each(name, value)
+        for one in values[:1] if isinstance(value, str) else values:
+            one_of(name, one, allowed)
+        return values
 
     def flags(self, name: str, value: Any) -> np.ndarray:
         """(n,) truths, from one or one for each environment."""
@@ -173,42 +198,60 @@ class Core:
         """
         kinds = self.kinds if kinds is None else kinds
         bank = starts.settled()
-        starts.begin(self.model, self.car, bank, self.rows, which, kinds, self.random)
+        for ground, some in self.shares(which):
+            starts.begin(ground.model, ground.surface.field, bank, self.rows, some, kinds, self.random)
 
     def put_states(self, states: np.ndarray, which: np.ndarray) -> None:
         """Set checked states of some environments."""
         self.states[which] = states
-        task.look(self.model, self.rows, which)
+        for ground, some in self.shares(which):
+            task.look(ground.model, ground.surface.field, self.rows, some)
 
-    def step(self, actions: np.ndarray) -> None:
-        """One control step of all, from (n, 3) float32 actions, in place.
+    def shares(self, which: np.ndarray) -> list[tuple[Ground, np.ndarray]]:
+        """Each kind of ground, and which of some environments are on it."""
+        if len(self.grounds) == 1:
+            return [(self.grounds[0], which)]
+        return [(ground, np.intersect1d(ground.which, which)) for ground in self.grounds]
+
+    def step(self, actions: np.ndarray, which: np.ndarray | None = None) -> None:
+        """One control step of all, or of some, from (n, 3) float32 actions, in place.
 
         Raises:
             ValueError: an action is not finite; nothing has changed then.
         """
-        if self.n <= FEW:
-            bad = task.step(self.model, self.rows, actions, self.push)
-            if bad >= 0:
-                raise self._not_finite(actions, bad)
+        if self.n == 1:  # half of its time is Python's
+            model, surface, which = self.grounds[0]
+            if task.step(model, surface.field, self.rows, actions, which, self.push) >= 0:
+                raise ValueError(f"actions must be finite, got {actions[0].tolist()}")
             return
-        sound = np.isfinite(actions)
+        which = np.arange(self.n) if which is None else which
+        sound = np.isfinite(actions if len(which) == self.n else actions[which])
         if not sound.all():
-            raise self._not_finite(actions, int(np.flatnonzero(~sound.all(axis=1))[0]))
+            bad = which[np.argmin(sound.all(axis=1))]
+            raise ValueError(f"actions must be finite, got {actions[bad].tolist()} for environment {bad}")
+        shares = self.shares(which)
+
+        def work(thread: int) -> None:
+            push = np.empty_like(self.push)
+            for ground, some in shares:
+                begin, end = (len(some) * t // self.threads for t in (thread, thread + 1))
+                self._step(ground, some[begin:end], actions, push)
+
         if self.threads == 1:
-            task.step_many(self.model, self.rows, actions)
+            work(0)
             return
-        cuts = np.linspace(0, self.n, self.threads + 1).astype(int)
-        shares = [(self.rows[a:b], actions[a:b]) for a, b in itertools.pairwise(cuts) if a < b]
         pool = _pool(os.getpid(), self.threads)
-        others = [pool.submit(task.step_many, self.model, *share) for share in shares[1:]]
-        task.step_many(self.model, *shares[0])
+        others = [pool.submit(work, thread) for thread in range(1, self.threads)]
+        work(0)
         for other in others:
             other.result()
 
-    def _not_finite(self, actions: np.ndarray, i: int) -> ValueError:
-        """What to raise for environment i's action."""
-        whose = "" if self.n == 1 else f" for environment {i}"
-        return ValueError(f"actions must be finite, got {actions[i].tolist()}{whose}")
+    def _step(self, ground: Ground, some: np.ndarray, actions: np.ndarray, push: np.ndarray) -> None:
+        """Step some environments on one ground; their actions are finite."""
+        if ground.surface.field is None and self.n > FEW:
+            task.step_many(ground.model, self.rows, actions, some)
+        else:
+            task.step(ground.model, ground.surface.field, self.rows, actions, some, push)
 
     def info(self, i: int, results: list[float]) -> dict[str, Any]:
         """The info of environment i after a step, from its results."""
@@ -312,6 +355,8 @@ class Core:
             r.INERTIA,
             f"moments of inertia (entries {r.INERTIA} to {r.INERTIA + 2}) must be a body's",
         )
+        limits = array[..., r.LIMIT : r.LIMIT + 3].min(axis=-1)
+        must(limits >= 0, r.LIMIT, f"torque limits (entries {r.LIMIT} to {r.LIMIT + 2}) must be >= 0")
         must(array[..., r.FRICTION] >= 0, r.FRICTION, f"friction (entry {r.FRICTION}) must be >= 0")
         e = array[..., r.RESTITUTION]
         must((e >= 0) & (e <= 1), r.RESTITUTION, f"restitution (entry {r.RESTITUTION}) must be 0 to 1")

@@ -17,8 +17,9 @@ class FlipCarEnv(gym.Env):
     ## Description
     A rally car (1230 kg, 4.4 m) has flipped over. A righting torque acts about its own axes, too weak
     to lift it over an edge of its roof from rest: it must be rocked, often the wrong way first,
-    pumping energy through the contact with the ground. The ground is level, friction 0.8; the wheels
-    are locked. Contacts are rigid impulses with Coulomb friction, stepped at 250 Hz.
+    pumping energy through the contact with the ground. The ground is level unless `terrain` says
+    otherwise, friction 0.8; the wheels are locked. Contacts are rigid impulses with Coulomb friction,
+    stepped at 250 Hz.
 
     ## Action Space
     `Box(-1, 1, (3,), float32)`; values outside are clipped, non-finite ones refused.
@@ -37,7 +38,7 @@ class FlipCarEnv(gym.Env):
     | 0-2 | direction of gravity | -1 | 1 |
     | 3-5 | velocity of the centre of mass, m/s | -60 | 60 |
     | 6-8 | angular velocity, rad/s | -60 | 60 |
-    | 9 | height of the centre of mass, m | 0 | 150 |
+    | 9 | distance of the centre of mass from the ground, m | 0 | 150 |
 
     `obs="state"`: `Box((13,), float32)`, in world axes.
 
@@ -47,6 +48,18 @@ class FlipCarEnv(gym.Env):
     | 3-6 | attitude, unit quaternion w, x, y, z, body to world | -1 | 1 |
     | 7-9 | velocity of the centre of mass, m/s | -60 | 60 |
     | 10-12 | angular velocity, rad/s | -60 | 60 |
+
+    `obs="privileged"`: `Box((62,), float32)`, everything, for a critic or a teacher.
+
+    | Num | Observation | Min | Max |
+    |-----|-------------|-----|-----|
+    | 0-12 | as "state" | | |
+    | 13-22 | as "egocentric" | | |
+    | 23-48 | 1 for each hull point in contact, in the order of `car.HULL` | 0 | 1 |
+    | 49-52 | mass, inertia at the nominal mass: from the least that `randomize` draws to the most | -1 | 1 |
+    | 53-55 | offset of the centre of mass, the same | -1 | 1 |
+    | 56-60 | friction, restitution and torque limits, the same | -1 | 1 |
+    | 61 | share of the time left | 0 | 1 |
 
     ## Rewards
     The sum of four terms, each in `info["reward_terms"]`:
@@ -72,23 +85,40 @@ class FlipCarEnv(gym.Env):
 
     `reset(options={"state": array})` starts from what `get_state()` gave.
 
+    Where the ground is not level, the car starts within 3 m of the origin in x and y, and is turned with the
+    ground there; it may have to settle a little.
+
+    With `randomize=True` each episode has a car of its own: mass and each moment of inertia +-15 %, the
+    centre of mass moved by up to 8, 5 and 4 cm, friction 0.4 to 1, restitution 0 to 0.2 and each torque
+    limit +-10 %.
+
+    ## Terrain
+    | Kind | Ground |
+    |------|--------|
+    | level | z = 0 |
+    | slope | a plane that falls by 10° towards x |
+    | bumpy | humps and hollows up to 15 cm up and down, 2.5 m apart |
+    | ditch | 0.8 m deep along y, with banks of 13° at most |
+
     ## Episode End
-    Terminated: success, that is within 15° of upright, carried by at least three wheels and nothing
-    else, slower than 0.5 m/s and 0.5 rad/s, for half a second. Truncated: after 10 s (the
+    Terminated: success, that is within 15° of upright, carried by at least three wheels and nothing else,
+    slower than 0.5 m/s and 0.5 rad/s, for half a second. Upright is against the vertical on any ground:
+    none of them tilts a car that stands on its wheels by more than 13°. Truncated: after 10 s (the
     environment's own limit, part of its state), beyond 100 m, or if the solver gives up
     (`info["solver_error"]`; `info["solver_error_state"]` is the state before that step).
 
     ## Information
-    `is_success` (bool), `time_to_upright` (s, once reached), `energy` (mechanical, J), `work` (the
-    actuator's integral of |torque · w|, J), `tilt` (rad), `n_contacts`, `reward_terms`.
+    `is_success` (bool), `time_to_upright` (s, once reached), `energy` (mechanical, J; 0 at rest with the
+    centre of mass at z = 0), `work` (the actuator's integral of |torque · w|, J), `tilt` (rad),
+    `n_contacts`, `reward_terms`.
 
     ## Arguments
     | Argument | Default | Meaning |
     |----------|---------|---------|
     | start | "any" | kind of start |
-    | terrain | "level" | only level ground so far |
-    | randomize | False | a car of its own for each episode: mass, inertia, friction... (see `car`) |
-    | obs | "egocentric" | or "state" |
+    | terrain | "level" | kind of ground |
+    | randomize | False | a car of its own for each episode |
+    | obs | "egocentric" | or "state", or "privileged" |
     | control_dt | 0.04 | s between actions |
     | substeps | 10 | physics steps in each |
     | method | "impulse" | contact method |
@@ -185,8 +215,8 @@ class FlipCarEnv(gym.Env):
         A step that was undone, as its state was no longer finite, has none.
         """
         if self._results[FAILED]:
-            return np.zeros_like(self.core.push)
-        return self.core.push.copy()
+            return np.zeros((self.core.points, 3))
+        return self.core.push[:, :3].copy()
 
 
 SHAPE = (3,)

@@ -5,21 +5,30 @@ from gymnasium import spaces
 
 from solver.algebra import jit, matrix, to_body, to_world
 
-KINDS = ("egocentric", "state")
-EGOCENTRIC, STATE = range(2)
+from . import car
+from . import row as r
+
+KINDS = ("egocentric", "state", "privileged")
+EGOCENTRIC, STATE, PRIVILEGED = range(3)
 
 FIELD = 100.0
 """m; the episode is cut when the car is further from where it started."""
 
 _SPEED, _SPIN, _FAR = 60.0, 60.0, 150.0
 _BOUNDS = {
-    # gravity's direction, velocity, angular velocity in the car's axes; height of the centre of mass
+    # gravity's direction, velocity, angular velocity in the car's axes; height over the ground
     "egocentric": ([-1.0] * 3 + [-_SPEED] * 3 + [-_SPIN] * 3 + [0.0],
                    [1.0] * 3 + [_SPEED] * 3 + [_SPIN] * 3 + [_FAR]),
     # x, quat, v, w, all in world axes
     "state": ([-_FAR] * 3 + [-1.0] * 4 + [-_SPEED] * 3 + [-_SPIN] * 3,
               [_FAR] * 3 + [1.0] * 4 + [_SPEED] * 3 + [_SPIN] * 3),
 }  # fmt: skip
+_POINTS, _PARAMETERS = len(car.HULL), len(car.NOMINAL)
+_BOUNDS["privileged"] = (
+    _BOUNDS["state"][0] + _BOUNDS["egocentric"][0] + [0.0] * _POINTS + [-1.0] * _PARAMETERS + [0.0],
+    _BOUNDS["state"][1] + _BOUNDS["egocentric"][1] + [1.0] * _POINTS + [1.0] * _PARAMETERS + [1.0],
+)
+_MIDDLE, _HALF = car.RANGES.mean(axis=1), 0.5 * np.diff(car.RANGES)[:, 0]
 
 
 def space(kind: str) -> spaces.Box:
@@ -37,13 +46,13 @@ def _put(obs, at, a, bound):
 
 
 @jit
-def egocentric(x, quat, v, w, obs):
-    """Fill a (10,) observation; w in the car's axes."""
+def egocentric(height, quat, v, w, obs):
+    """Fill a (10,) observation; w in the car's axes, height over the ground."""
     rotation = matrix(quat)
     _put(obs, 0, to_body(rotation, (0.0, 0.0, -1.0)), 1.0)
     _put(obs, 3, to_body(rotation, v), _SPEED)
     _put(obs, 6, w, _SPIN)
-    obs[9] = np.float32(min(_FAR, max(0.0, x[2])))
+    obs[9] = np.float32(min(_FAR, max(0.0, height)))
 
 
 @jit
@@ -54,3 +63,26 @@ def state(x, quat, v, w, obs):
     obs[6] = np.float32(min(1.0, max(-1.0, quat[3])))
     _put(obs, 7, v, _SPEED)
     _put(obs, 10, to_world(matrix(quat), w), _SPIN)
+
+
+@jit
+def privileged(row, height, time_left, x, quat, v, w, obs):
+    """Fill a (62,) observation: everything that a critic may know.
+
+    The state (13), the egocentric observation (10), for each hull point if it is in contact (26), the
+    car's columns from -1 to 1 between least and most (12), the inertia's at the nominal mass, and the
+    share of time left.
+    """
+    state(x, quat, v, w, obs)
+    egocentric(height, quat, v, w, obs[13:])
+    closed = int(row[r.CLOSED])
+    for k in range(_POINTS):
+        obs[23 + k] = np.float32((closed >> k) & 1)
+    mass = row[r.MASS] / car.MASS
+    for k in range(_PARAMETERS):
+        value = row[r.CAR + k]
+        if r.INERTIA <= r.CAR + k < r.INERTIA + 3:
+            value /= mass
+        scaled = (value - _MIDDLE[k]) / _HALF[k]
+        obs[23 + _POINTS + k] = np.float32(min(1.0, max(-1.0, scaled)))
+    obs[23 + _POINTS + _PARAMETERS] = np.float32(min(1.0, max(0.0, time_left)))

@@ -2,16 +2,14 @@
 
 First its state: everything that its future depends on, which `get_state` and `set_state` copy. Then
 what the last control step made of it: the results and the observation. A batch is a 2-D array of such
-rows. What is the same for every row (the hull, the ground, the task's settings) is packed in one flat
-array, the model. So a compiled call takes few arguments, each of which would cost as much as a physics
-step.
+rows. What is the same for every row on the same ground (the hull, the plane, the task's settings) is
+packed in one flat array, the model. So a compiled call takes few arguments, each of which would cost as
+much as a physics step.
 """
-
-from collections.abc import Sequence
 
 import numpy as np
 
-from solver import Body, Plane
+from solver import Body
 from solver.algebra import jit
 from solver.model import CLOSED as HELD_ON
 from solver.model import OPEN
@@ -24,10 +22,11 @@ WORK = 15  # the actuator's integral of |torque · w|, J
 KEY = 16  # random key: high and low 32 bits
 EPISODE = 18  # how many resets since the key was set
 START = 19  # kind of start, an index into `starts.KINDS`
-CAR = 20  # this episode's car: the columns below
+CAR = 20  # this episode's car: the columns below, in the order of `car.NOMINAL`
 CLOSED = 32  # which hull points are in contact: bit k is point k's
 FORCES = 33  # of the first so many of them, along N, t1, t2, N: where the solver starts from
-SLOTS = 8
+SLOTS = 4
+"""No facet of the car's hull has more points, and no more have been seen in contact at once."""
 STATE = FORCES + 3 * SLOTS  # so long is the state
 
 # Columns of the car.
@@ -71,12 +70,13 @@ MAX_STEPS = 14
 HOLD_STEPS = 15
 VIEW = 16  # kind of observation, an index into `observe.KINDS`
 WHEELS = 17
-HULL = 18  # (p, 4)
+SCATTER = 18  # m; starts are within ± so much of the origin in x and y
+HULL = 19  # (p, 4)
 
 
 def model(
     body: Body,
-    plane: Plane,
+    plane: np.ndarray,
     gravity: float,
     wheels: int,
     control_dt: float,
@@ -84,39 +84,35 @@ def model(
     max_steps: int,
     hold_steps: int,
     view: int,
+    scatter: float,
 ) -> np.ndarray:
-    """Pack what is the same for every row."""
+    """Pack what is the same for every row on the same ground."""
     if len(body.hull) > MAX_POINTS:
         raise ValueError(f"body must have at most {MAX_POINTS} hull points, got {len(body.hull)}")
     return np.concatenate(
         [
             [body.bounding_radius],
-            plane.parameters,
-            [gravity, control_dt, substeps, max_steps, hold_steps, view, wheels],
+            plane,
+            [gravity, control_dt, substeps, max_steps, hold_steps, view, wheels, scatter],
             np.column_stack([body.hull, body.radius]).ravel(),
         ]
     )
-
-
-def car(body: Body, offset: Sequence[float], law: tuple[float, float], limit: Sequence[float]) -> np.ndarray:
-    """A car's columns."""
-    return np.array([body.m, *np.diag(body.J), *offset, *law, *limit])
 
 
 @jit
 def load_contacts(row, contacts):
     """The solver's memory of the contacts, (p, MEMORY), from a row."""
     closed = int(row[CLOSED])
-    slot = 0
+    slot = FORCES
     for k in range(contacts.shape[0]):
         contacts[k, 0] = OPEN
         contacts[k, 1] = contacts[k, 2] = contacts[k, 3] = 0.0
         if (closed >> k) & 1:
             contacts[k, 0] = HELD_ON
-            if slot < SLOTS:
+            if slot < STATE:
                 for j in range(3):
-                    contacts[k, 1 + j] = row[FORCES + 3 * slot + j]
-            slot += 1
+                    contacts[k, 1 + j] = row[slot + j]
+            slot += 3
 
 
 @jit
@@ -127,14 +123,14 @@ def store_contacts(row, contacts):
     then starts from none.
     """
     closed = 0
-    slot = 0
+    slot = FORCES
     for k in range(contacts.shape[0]):
         if contacts[k, 0] != OPEN:
             closed |= 1 << k
-            if slot < SLOTS:
+            if slot < STATE:
                 for j in range(3):
-                    row[FORCES + 3 * slot + j] = contacts[k, 1 + j]
-            slot += 1
+                    row[slot + j] = contacts[k, 1 + j]
+                slot += 3
     row[CLOSED] = closed
-    for j in range(FORCES + 3 * min(slot, SLOTS), STATE):
+    for j in range(slot, STATE):
         row[j] = 0.0

@@ -84,7 +84,7 @@ class FlipCarVecEnv(VecEnv):
         self._limits[:] = np.inf
         if self.stagger:
             share = np.arange(1, self.num_envs + 1) / self.num_envs
-            self._limits[:] = np.ceil(self.core.model[r.MAX_STEPS] * share)
+            self._limits[:] = np.ceil(self.core.grounds[0].model[r.MAX_STEPS] * share)
         return self.core.observations()
 
     def step_async(self, actions: np.ndarray) -> None:

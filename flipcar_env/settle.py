@@ -44,7 +44,7 @@ def lay_down(hull, row, kind, index):
 def settle(bank: int = BANK) -> np.ndarray:
     """(2, bank, 4) attitudes in which the nominal car has come to rest, on its roof and on its side."""
     core = Core(1)
-    hull = core.model[r.HULL :].reshape(-1, 4)
+    hull = core.grounds[0].model[r.HULL :].reshape(-1, 4)
     zero = np.zeros((1, 3), np.float32)
     attitudes = np.empty((2, bank, 4))
     for k, kind in enumerate(KINDS):
@@ -52,7 +52,7 @@ def settle(bank: int = BANK) -> np.ndarray:
         found, index = 0, 0
         while found < bank:
             core.rows[:] = 0.0
-            core.rows[0, r.CAR : r.CLOSED] = core.car
+            core.rows[0, r.CAR : r.CLOSED] = car.NOMINAL
             lay_down(hull, core.rows[0], k, index)
             index += 1
             if index > 20 * bank:

@@ -6,8 +6,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from solver.algebra import entry, jit, matrix, put, to_body
-from solver.model import store
+from solver.algebra import axpy, entry, jit, matrix, product, put, scale, to_body, to_world
+from solver.field import foot
+from solver.model import gap_of, seen, store
 
 from . import car, chance, task
 from . import row as r
@@ -23,6 +24,9 @@ _CUMULATIVE = tuple(float(c) for c in np.cumsum([MIX.get(kind, 0.0) for kind in 
 
 NUDGE = 0.1
 """rad/s; spread of the small spin that a resting start is given, so that no two are alike."""
+
+LIFTED, MAX_LIFTS = 1e-12, 60
+"""m, and tries: a car is put onto curved ground so exactly."""
 
 
 @jit
@@ -52,7 +56,7 @@ def lowest(hull, quat):
 
 @jit
 def _pose(kind, hull, bank, n):
-    """(quat, height of the centre of mass, v, w) of a start; n is (key's halves, episode)."""
+    """(quat, height of the centre of mass, v, w) of a start on level ground; n is (key's halves, episode)."""
     high, low, episode = n
     yaw = chance.between(-math.pi, math.pi, high, low, episode, 1.0)
     nudge = (
@@ -114,66 +118,90 @@ def _pose(kind, hull, bank, n):
 
 
 @jit
-def _spread(value, share, u):
-    """A value, more or less by a share of it, from u in [0, 1)."""
-    return value * (1.0 + share * (2.0 * u - 1.0))
+def _scattered(model, ground, field, hull, pose, n):
+    """A start on level ground, moved to somewhere near the origin, and turned with the ground there.
+
+    Over a height field the car is then lifted until the deepest hull point's gap is what it was.
+
+    Returns:
+        (x, quat, v, w).
+    """
+    quat, height, v, w = pose
+    high, low, episode = n
+    far = model[r.SCATTER]
+    dx = chance.between(-far, far, high, low, episode, 30.0)
+    dy = chance.between(-far, far, high, low, episode, 31.0)
+    clear = height + lowest(hull, quat)
+    normal = ground[0]
+    if field is None:
+        x = axpy(dx, ground[1], scale(dy, ground[2]))
+        x = axpy(height + ground[3], normal, x)
+    else:
+        _phi, normal, _hessian = foot(field, (dx, dy, ground[3]))
+        x = (dx, dy, ground[3] + height)
+    # the shortest turn from the vertical to the normal
+    s = 1.0 / math.sqrt(2.0 * (1.0 + normal[2]))
+    turn = (s * (1.0 + normal[2]), -s * normal[1], s * normal[0], 0.0)
+    quat, v = product(turn, quat), to_world(matrix(turn), v)
+    if field is not None:
+        x = _lifted(ground, field, hull, x, quat, clear)
+    return x, quat, v, w
 
 
 @jit
-def _nominal_car(nominal, row):
-    """Give the row the nominal car."""
-    for j in range(nominal.shape[0]):
-        row[r.CAR + j] = nominal[j]
+def _lifted(ground, field, hull, x, quat, clear):
+    """Where x is when the deepest hull point's gap is `clear`: from x straight up or down."""
+    for _ in range(MAX_LIFTS):
+        view = seen(ground, matrix(quat), x)
+        deepest = math.inf
+        for k in range(hull.shape[0]):
+            deepest = min(deepest, gap_of(hull, k, field, view))
+        x = (x[0], x[1], x[2] + clear - deepest)
+        if abs(clear - deepest) < LIFTED:
+            break
+    return x
 
 
 @jit
-def _draw_car(nominal, row, n):
+def _draw_car(row, n):
     """Draw the row's car; n is (key's halves, episode)."""
     high, low, episode = n
-    _nominal_car(nominal, row)
-    mass = _spread(1.0, car.MASS_SPREAD, chance.uniform(high, low, episode, 40.0))
-    row[r.MASS] *= mass
-    for j in range(3):
-        u = chance.uniform(high, low, episode, 41.0 + j)
-        row[r.INERTIA + j] = mass * _spread(row[r.INERTIA + j], car.INERTIA_SPREAD, u)
-        u = chance.uniform(high, low, episode, 44.0 + j)
-        row[r.LIMIT + j] = _spread(row[r.LIMIT + j], car.LIMIT_SPREAD, u)
-    # no axis may have more than the other two: then there would be negative mass somewhere
-    for j in range(3):
-        others = row[r.INERTIA + (j + 1) % 3] + row[r.INERTIA + (j + 2) % 3]
-        row[r.INERTIA + j] = min(row[r.INERTIA + j], others)
-    dx, dy, dz = car.OFFSET_SPREAD
-    row[r.OFFSET] = chance.between(-dx, dx, high, low, episode, 47.0)
-    row[r.OFFSET + 1] = chance.between(-dy, dy, high, low, episode, 48.0)
-    row[r.OFFSET + 2] = chance.between(-dz, dz, high, low, episode, 49.0)
-    least, most = car.FRICTION_RANGE
-    row[r.FRICTION] = chance.between(least, most, high, low, episode, 50.0)
-    least, most = car.RESTITUTION_RANGE
-    row[r.RESTITUTION] = chance.between(least, most, high, low, episode, 51.0)
+    for k in range(len(car.NOMINAL)):
+        least, most = car.RANGES[k, 0], car.RANGES[k, 1]
+        row[r.CAR + k] = chance.between(least, most, high, low, episode, 40.0 + k)
+    mass = row[r.MASS] / car.MASS
+    for k in range(r.INERTIA, r.INERTIA + 3):
+        row[k] *= mass
+    # No mass, wherever it is, has more inertia about one axis than about the other two.
+    for k in range(3):
+        others = row[r.INERTIA + (k + 1) % 3] + row[r.INERTIA + (k + 2) % 3]
+        row[r.INERTIA + k] = min(row[r.INERTIA + k], others)
 
 
 @entry
-def begin(model, nominal, bank, rows, which, kinds, random):
-    """Begin the next episode of some environments: draw its car and its start, and look at it.
+def begin(model, field, bank, rows, which, kinds, random):
+    """Begin the next episode of some environments on one ground: draw its car and its start, and look at it.
 
     Args:
-        model: what all rows share.
-        nominal: the nominal car's columns of a row.
+        model: what they share.
+        field: the ground's, or None for a plane.
         bank: (2, n, 4) settled attitudes on the roof and on the side.
         rows: (n, row.width); KEY and EPISODE are read.
         which: (m,) their indices.
         kinds: (n,) indices into KINDS, or ANY.
         random: (n,) 1 to draw a car of its own, 0 for the nominal one.
     """
+    ground = task.ground_of(model, field)
     hull = np.empty(((model.shape[0] - r.HULL) // 4, 4))
     for i in which:
         row = rows[i]
         row[r.EPISODE] += 1.0
         numbers = (row[r.KEY], row[r.KEY + 1], row[r.EPISODE])
         if random[i]:
-            _draw_car(nominal, row, numbers)
+            _draw_car(row, numbers)
         else:
-            _nominal_car(nominal, row)
+            for j in range(len(car.NOMINAL)):
+                row[r.CAR + j] = car.NOMINAL[j]
         task.place_hull(model, row, hull)
         kind = kinds[i]
         if kind == ANY:
@@ -182,12 +210,16 @@ def begin(model, nominal, bank, rows, which, kinds, random):
             while kind < len(_CUMULATIVE) - 1 and u >= _CUMULATIVE[kind]:
                 kind += 1
         quat, height, v, w = _pose(kind, hull, bank, numbers)
-        store(row, (0.0, 0.0, height), quat, v, w)
+        if model[r.SCATTER] == 0.0:
+            store(row, (0.0, 0.0, height), quat, v, w)
+        else:
+            x, quat, v, w = _scattered(model, ground, ground[4], hull, (quat, height, v, w), numbers)
+            store(row, x, quat, v, w)
         put(row, r.STEPS, (0.0, 0.0, 0.0))
         row[r.START] = kind
         for j in range(r.CLOSED, r.STATE):
             row[j] = 0.0
-        task.look_at(model, row)
+        task.look_at(model, ground, row)
 
 
 @cache

@@ -6,13 +6,17 @@ import numpy as np
 
 from solver import impulse, lanes
 from solver.algebra import apart, borrowed, dot, entry, jit, put, stage, vec
-from solver.model import MEMORY, is_finite, load, store
+from solver.field import foot, lent
+from solver.model import MEMORY, height_over, is_finite, load, store
 from solver.sweep import WIDTH as CONTACT_ROW
 from solver.sweep import kinetic_energy
 from solver.trace import LANES, traced
 
 from . import observe, reward
 from . import row as r
+
+PUSH = 4
+"""Columns of the hull points' impulses: world axes, and over a height field their normal parts."""
 
 
 @traced
@@ -29,15 +33,35 @@ def energy(model, row, x, v, w):
 
 
 @jit
-def observe_row(model, row, x, quat, v, w):
+def ground_of(model, field):
+    """The ground as the solver has it."""
+    normal, t1, t2 = vec(model, r.PLANE), vec(model, r.PLANE + 3), vec(model, r.PLANE + 6)
+    return normal, t1, t2, model[r.PLANE + 9], lent(field)
+
+
+@jit
+def height(ground, field, x):
+    """Distance of the centre of mass to the ground, m."""
+    if field is None:
+        return height_over(ground, x)
+    return foot(field, x)[0]
+
+
+@jit
+def observe_row(model, ground, row, x, quat, v, w):
     """Fill the results that any state has, and the observation."""
     row[r.STATE + r.ENERGY] = energy(model, row, x, v, w)
     row[r.STATE + r.TILT] = reward.tilt(cos_tilt(quat))
     obs = borrowed(row[r.OBSERVED :].view(np.float32))
-    if model[r.VIEW] == observe.EGOCENTRIC:
-        observe.egocentric(x, quat, v, w, obs)
-    else:
+    if model[r.VIEW] == observe.STATE:
         observe.state(x, quat, v, w, obs)
+        return
+    up = height(ground, ground[4], x)
+    if model[r.VIEW] == observe.EGOCENTRIC:
+        observe.egocentric(up, quat, v, w, obs)
+    else:
+        left = 1.0 - row[r.STEPS] / model[r.MAX_STEPS]
+        observe.privileged(row, up, left, x, quat, v, w, obs)
 
 
 @jit
@@ -73,11 +97,12 @@ def place_hull(model, row, hull):
 
 
 @jit
-def judge(model, row, act, before, wheels_down, others_down):
+def judge(model, ground, row, act, before, wheels_down, others_down):
     """Observe the row's motion, and reward it.
 
     Args:
         model: what all rows share.
+        ground: as the solver has it.
         row: of which the state is that at the end of the step.
         act: (3,) in [-1, 1].
         before: cos tilt before the step.
@@ -85,7 +110,7 @@ def judge(model, row, act, before, wheels_down, others_down):
         others_down: how many other points.
     """
     x, quat, v, w = load(row)
-    observe_row(model, row, x, quat, v, w)
+    observe_row(model, ground, row, x, quat, v, w)
     failed = row[r.STATE + r.FAILED] != 0.0
     after = cos_tilt(quat)
     still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
@@ -104,13 +129,7 @@ def judge(model, row, act, before, wheels_down, others_down):
 
 
 @jit
-def ground_of(model):
-    """The ground as the solver has it: a plane."""
-    return vec(model, r.PLANE), vec(model, r.PLANE + 3), vec(model, r.PLANE + 6), model[r.PLANE + 9], None
-
-
-@jit
-def drive_alone(model, row, torque, hull, contacts, scratch, push):
+def drive_alone(model, ground, row, torque, hull, contacts, scratch, push):
     """The physics of one control step of one row, by `impulse.step`.
 
     A row whose state would not be finite has FAILED, and is left as it was.
@@ -120,7 +139,6 @@ def drive_alone(model, row, torque, hull, contacts, scratch, push):
     inverse = (1.0 / inertia[0], 1.0 / inertia[1], 1.0 / inertia[2])
     body = (m, 1.0 / m, inertia, inverse, bound)
     law = (row[r.FRICTION], row[r.RESTITUTION], True, True, True, row[r.FRICTION])
-    ground = ground_of(model)
     a = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps
@@ -152,39 +170,41 @@ def drive_alone(model, row, torque, hull, contacts, scratch, push):
 
 
 @jit
-def not_finite(actions):
-    """The first row of actions that is not finite; -1 if all are."""
-    for i in range(actions.shape[0]):
+def not_finite(actions, which):
+    """The first of these rows of actions that is not finite; -1 if all are."""
+    for i in which:
         if not 0.0 * actions[i, 0] + 0.0 * actions[i, 1] + 0.0 * actions[i, 2] == 0.0:
             return i
     return -1
 
 
 @entry
-def step(model, rows, actions, push):
-    """One control step of n environments one by one, in place; none if an action is not finite.
+def step(model, field, rows, actions, which, push):
+    """One control step of some environments on one ground, one by one, in place.
 
     Args:
         model: what they share (`row.model`).
+        field: the ground's, or None for a plane.
         rows: (n, row.width).
         actions: (n, 3) float32, clipped to [-1, 1] here.
-        push: (p, 3) filled with the last one's impulse on each hull point, world axes, N s.
+        which: (m,) their indices.
+        push: (p, PUSH) filled with the last one's impulse on each hull point, N s.
 
     Returns:
         -1, or the first environment whose action is not finite: then nothing has been done.
     """
-    bad = not_finite(actions)
+    bad = not_finite(actions, which)
     if bad >= 0:
         return bad
     points = push.shape[0]
     hulls, memory = np.empty((points, 4)), np.empty((points, MEMORY))
     scratches = np.empty((points, CONTACT_ROW))
     hull, contacts, scratch = borrowed(hulls), borrowed(memory), borrowed(scratches)
-    for i in range(rows.shape[0]):
-        row = borrowed(rows[i])
-        act = clipped(actions[i])
+    ground, states, given = ground_of(model, field), borrowed(rows), borrowed(actions)
+    for i in which:
+        row, act = states[i], clipped(given[i])
         before = cos_tilt(load(row)[1])
-        drive_alone(model, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
+        drive_alone(model, ground, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
         wheels_down, others_down = 0, 0
         for k in range(points):
             if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
@@ -192,16 +212,16 @@ def step(model, rows, actions, push):
                     wheels_down += 1
                 else:
                     others_down += 1
-        judge(model, row, act, before, wheels_down, others_down)
+        judge(model, ground, row, act, before, wheels_down, others_down)
     return -1
 
 
 @jit
-def kind_of(model, row):
+def kind_of(model, ground, row):
     """How alike two rows' next steps will be: those of a kind share a group. 0 to KINDS - 1."""
     closed = int(row[r.CLOSED])
     if closed == 0:
-        return 0 if row[r.MOTION + 2] - model[r.PLANE + 9] > model[r.BOUND] else 1
+        return 0 if height_over(ground, vec(row, r.MOTION)) > model[r.BOUND] else 1
     n, slides = 0, 0
     while closed:
         closed &= closed - 1
@@ -218,16 +238,16 @@ KINDS = 2 + MAX_ALIKE * MAX_ALIKE
 
 
 @jit
-def sort(model, rows, order):
-    """Fill `order` with the rows' indices, rows of a kind together."""
-    n = rows.shape[0]
-    begins = np.zeros(KINDS + 1, np.int64)
-    for i in range(n):
-        begins[kind_of(model, rows[i]) + 1] += 1
+def sort(model, ground, rows, which, order):
+    """Fill `order` with the indices `which`, rows of a kind together."""
+    counts = np.zeros(KINDS + 1, np.int64)
+    begins = borrowed(counts)
+    for i in which:
+        begins[kind_of(model, ground, rows[i]) + 1] += 1
     for kind in range(KINDS):
         begins[kind + 1] += begins[kind]
-    for i in range(n):
-        kind = kind_of(model, rows[i])
+    for i in which:
+        kind = kind_of(model, ground, rows[i])
         order[begins[kind]] = i
         begins[kind] += 1
 
@@ -309,20 +329,20 @@ def count_down(contacts, wheels, pad):
 
 
 @entry
-def step_many(model, rows, actions):
-    """The same as `step` for many, which share the processor's lanes; actions must be finite."""
-    n, points = rows.shape[0], (model.shape[0] - r.HULL) // 4
+def step_many(model, rows, actions, which):
+    """The same as `step` over a plane for many, which share the processor's lanes; actions must be finite."""
+    n, points = which.shape[0], (model.shape[0] - r.HULL) // 4
+    ground, states, given = ground_of(model, None), borrowed(rows), borrowed(actions)
     order = np.empty(n, np.int64)
-    sort(model, rows, order)
+    sort(model, ground, states, which, borrowed(order))
     pads = np.full((PAD, LANES), np.nan)
     hulls, touches = np.empty((points, 4, LANES)), np.empty((points, 2, LANES))
     contact_rows = np.zeros((points, CONTACT_ROW, LANES))
     memories, scratches = np.empty((points, MEMORY)), np.empty((points, CONTACT_ROW))
-    pushes, nodes = np.empty((points, 4)), np.empty((points, 4))
+    pushes, nodes = np.empty((points, PUSH)), np.empty((points, 4))
     pad, hull, contacts = borrowed(pads), borrowed(hulls), borrowed(touches)
     held, memory, scratch = borrowed(contact_rows), borrowed(memories), borrowed(scratches)
     push, spots = borrowed(pushes), borrowed(nodes)
-    ground = ground_of(model)
     a = (0.0, 0.0, -model[r.GRAVITY])
     substeps = int(model[r.SUBSTEPS])
     h = model[r.CONTROL_DT] / substeps
@@ -331,31 +351,32 @@ def step_many(model, rows, actions):
         lanes.release(contacts)
         for lane in range(LANES):
             i = order[first + min(lane, used - 1)]
-            enter(model, borrowed(rows[i]), clipped(actions[i]), lane, pad, hull, contacts, held)
+            enter(model, states[i], clipped(given[i]), lane, pad, hull, contacts, held)
         lanes.drive(
             pad, hull, contacts, held, None, used, ground, a, h, substeps, memory, scratch, push, spots
         )
         count_down(contacts, int(model[r.WHEELS]), pad)
         for lane in range(used):
             i = order[first + lane]
-            row = borrowed(rows[i])
+            row = states[i]
             before = cos_tilt(load(row)[1])
             leave(row, lane, pad, held)
             wheels_down, others_down = int(pad[WHEELS_DOWN, lane]), int(pad[OTHERS_DOWN, lane])
-            judge(model, row, clipped(actions[i]), before, wheels_down, others_down)
+            judge(model, ground, row, clipped(given[i]), before, wheels_down, others_down)
 
 
 @jit
-def look_at(model, row):
+def look_at(model, ground, row):
     """Fill the results and the observation of a row that has just been set."""
     for j in range(r.STATE, r.OBSERVED):
         row[j] = 0.0
     x, quat, v, w = load(row)
-    observe_row(model, row, x, quat, v, w)
+    observe_row(model, ground, row, x, quat, v, w)
 
 
 @entry
-def look(model, rows, which):
-    """`look_at` the rows of these indices."""
+def look(model, field, rows, which):
+    """`look_at` the rows of these indices; `field` as in `step`."""
+    ground = ground_of(model, field)
     for i in which:
-        look_at(model, rows[i])
+        look_at(model, ground, rows[i])

@@ -24,9 +24,9 @@ class FlipCarVectorEnv(VectorEnv):
     Args:
         num_envs: how many.
         start: kind of start, or one for each environment.
-        terrain: "level".
+        terrain: kind of ground, or one for each environment.
         randomize: whether each episode has a car of its own, or one truth for each environment.
-        obs: "egocentric" or "state".
+        obs: "egocentric", "state" or "privileged".
         render_mode: None.
         control_dt: s between actions.
         substeps: physics steps in each.
@@ -47,7 +47,7 @@ class FlipCarVectorEnv(VectorEnv):
         self,
         num_envs: int = 1,
         start: str | Sequence[str] = "any",
-        terrain: str = "level",
+        terrain: str | Sequence[str] = "level",
         randomize: bool | Sequence[bool] = False,
         obs: str = "egocentric",
         render_mode: str | None = None,

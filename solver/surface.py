@@ -102,6 +102,10 @@ class HeightField:
         for array in (self.origin, self.grid, self.parameters, self.field[0]):
             array.setflags(write=False)
 
+    def __reduce__(self):
+        """A copy is made anew: numba would compile once more for arrays that can be written to."""
+        return HeightField, (self.grid, self.spacing, self.origin)
+
     @classmethod
     def named(cls, name: str, **parameters) -> "HeightField":
         """One of the grounds that have a name; lengths in m.

@@ -99,7 +99,7 @@ def _policy():
 def _core(n: int, substeps: int = DEFAULT) -> Core:
     """Environments that begin as the default ones do, and go on at another setting."""
     core = Core(n)
-    core.model[r.SUBSTEPS] = substeps
+    core.grounds[0].model[r.SUBSTEPS] = substeps
     return core
 
 
@@ -115,9 +115,8 @@ def _episodes(core: Core, kinds: list[str]) -> Iterator[np.ndarray]:
     going = np.arange(len(kinds))
     while going.size:
         yield going
-        rows = core.rows[going]
-        task.step_many(core.model, rows, _policy()(core.observed[going]))
-        core.rows[going] = rows
+        core.actions[going] = _policy()(core.observed[going])
+        core.step(core.actions, going)
         results = core.results[going]
         going = going[(results[:, r.TERMINATED] == 0.0) & (results[:, r.TRUNCATED] == 0.0)]
 
@@ -133,27 +132,28 @@ def visited(quick: bool) -> np.ndarray:
     )
 
 
-def _observed(core: Core, rows: np.ndarray) -> np.ndarray:
-    """(n, k) float32: the observations in rows."""
-    return rows.view(np.float32)[:, 2 * r.OBSERVED :][:, : core.observed.shape[1]].copy()
+def _at(rows: np.ndarray, substeps: int = DEFAULT) -> Core:
+    """Environments that go on from rows."""
+    core = _core(len(rows), substeps)
+    core.rows[:] = rows
+    return core
 
 
 @cache
 def _fine(quick: bool) -> tuple[list[np.ndarray], list[np.ndarray]]:
     """The policy's actions from the states visited, step by step, and what it then sees, both (n, ...)."""
-    core, rows = _core(1, REFERENCE), visited(quick).copy()
-    obs, actions, seen = _observed(core, rows), [], []
+    core = _at(visited(quick), REFERENCE)
+    actions, seen = [], [core.observations()]
     for _ in range(max(HORIZONS)):
-        actions.append(_policy()(obs))
-        task.step_many(core.model, rows, actions[-1])
-        obs = _observed(core, rows)
-        seen.append(obs)
-    return actions, seen
+        actions.append(_policy()(seen[-1]))
+        core.step(actions[-1])
+        seen.append(core.observations())
+    return actions, seen[1:]
 
 
 def _differences(obs: np.ndarray, right: np.ndarray, quick: bool) -> dict[str, float]:
     """The columns of an error, from observations (n, k) and the right ones; the largest component counts."""
-    spread = _observed(_core(1), visited(quick)).std(axis=0)
+    spread = _at(visited(quick)).observed.std(axis=0)
     action = np.abs(_policy()(obs) - _policy()(right)).max(axis=1)
     columns = {"action": action, "obs": (np.abs(obs - right) / spread).max(axis=1)}
     return {
@@ -165,20 +165,20 @@ def _differences(obs: np.ndarray, right: np.ndarray, quick: bool) -> dict[str, f
 
 def error(substeps: int, horizon: int, quick: bool) -> Row:
     """Error after so many control steps."""
-    core, rows = _core(1, substeps), visited(quick).copy()
+    core = _at(visited(quick), substeps)
     actions, seen = _fine(quick)
-    failed = np.zeros(len(rows), dtype=bool)
+    failed = np.zeros(core.n, dtype=bool)
     for action in actions[:horizon]:
-        task.step_many(core.model, rows, action)
-        failed |= rows[:, r.STATE + r.FAILED] != 0.0
+        core.step(action)
+        failed |= core.results[:, r.FAILED] != 0.0
     return EMPTY | {
         "quantity": "error",
         "method": "impulse",
         "substeps": substeps,
         "control_steps": horizon,
-        "n": len(rows),
+        "n": core.n,
         "failed": int(failed.sum()),
-        **_differences(_observed(core, rows), seen[horizon - 1], quick),
+        **_differences(core.observed, seen[horizon - 1], quick),
     }
 
 
@@ -191,18 +191,18 @@ def _spread(times: np.ndarray, default: np.ndarray) -> dict[str, float]:
 
 def cost(substeps: int, quick: bool) -> Row:
     """Time of a control step in the states visited; it and the default setting take turns."""
-    rows, core = visited(quick), _core(1)
+    rows = visited(quick)
     rows = rows[np.random.default_rng(0).permutation(len(rows))[:1000]]
-    action = _policy()(_observed(core, rows))
+    cores = _at(rows, substeps), _at(rows)
+    action, everyone = _policy()(cores[0].observations()), np.arange(len(rows))
 
-    def timed(model: np.ndarray) -> float:
-        mine = rows.copy()
+    def timed(core: Core) -> float:
+        core.rows[:] = rows
         before = perf_counter()
-        task.step(model, mine, action, core.push)
-        return 1e9 * (perf_counter() - before) / len(mine)
+        task.step(core.grounds[0].model, None, core.rows, action, everyone, core.push)
+        return 1e9 * (perf_counter() - before) / core.n
 
-    models = _core(1, substeps).model, core.model
-    times = np.array([[timed(model) for model in models] for _ in range(3 if quick else 41)])
+    times = np.array([[timed(core) for core in cores] for _ in range(3 if quick else 41)])
     return EMPTY | {
         "quantity": "cost",
         "method": "impulse",
@@ -237,8 +237,7 @@ def rival(method: str, substeps: int, quick: bool) -> Row:
         except SolverError:
             continue
         row[: r.STEPS] = to_kernel(scene.body, run.state)[0]
-        task.look(core.model, row[None], np.zeros(1, np.int64))
-        ends.append(row)
+        ends.append(row[: r.STATE])
         right.append(seen[0][i])
         if len(seconds) < RIVALS_TIMED:
             pair = (Ours(method), substeps), (Ours("impulse"), DEFAULT)
@@ -250,7 +249,9 @@ def rival(method: str, substeps: int, quick: bool) -> Row:
         # What one state costs says little of a control step: groups of them are compared.
         groups = np.array_split(1e9 * np.array(seconds), min(10, len(seconds)))
         found = _spread(*np.array([group.mean(axis=0) for group in groups]).T)
-        found |= _differences(_observed(core, np.array(ends)), np.array(right), quick)
+        after = _core(len(ends))
+        after.put_states(np.array(ends), np.arange(after.n))
+        found |= _differences(after.observed, np.array(right), quick)
     return EMPTY | {
         "quantity": "error",
         "method": method,
