@@ -200,19 +200,20 @@ def step(model, field, rows, actions, which, push):
     hulls, memory = np.empty((points, 4)), np.empty((points, MEMORY))
     scratches = np.empty((points, CONTACT_ROW))
     hull, contacts, scratch = borrowed(hulls), borrowed(memory), borrowed(scratches)
-    ground, states, given = ground_of(model, field), borrowed(rows), borrowed(actions)
+    shared, states, given = borrowed(model), borrowed(rows), borrowed(actions)
+    ground = ground_of(shared, field)
     for i in which:
         row, act = states[i], clipped(given[i])
         before = cos_tilt(load(row)[1])
-        drive_alone(model, ground, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
+        drive_alone(shared, ground, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
         wheels_down, others_down = 0, 0
         for k in range(points):
             if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
-                if k < model[r.WHEELS]:
+                if k < shared[r.WHEELS]:
                     wheels_down += 1
                 else:
                     others_down += 1
-        judge(model, ground, row, act, before, wheels_down, others_down)
+        judge(shared, ground, row, act, before, wheels_down, others_down)
     return -1
 
 
@@ -332,9 +333,10 @@ def count_down(contacts, wheels, pad):
 def step_many(model, rows, actions, which):
     """The same as `step` over a plane for many, which share the processor's lanes; actions must be finite."""
     n, points = which.shape[0], (model.shape[0] - r.HULL) // 4
-    ground, states, given = ground_of(model, None), borrowed(rows), borrowed(actions)
+    shared, states, given = borrowed(model), borrowed(rows), borrowed(actions)
+    ground = ground_of(shared, None)
     order = np.empty(n, np.int64)
-    sort(model, ground, states, which, borrowed(order))
+    sort(shared, ground, states, borrowed(which), borrowed(order))
     pads = np.full((PAD, LANES), np.nan)
     hulls, touches = np.empty((points, 4, LANES)), np.empty((points, 2, LANES))
     contact_rows = np.zeros((points, CONTACT_ROW, LANES))
@@ -343,26 +345,26 @@ def step_many(model, rows, actions, which):
     pad, hull, contacts = borrowed(pads), borrowed(hulls), borrowed(touches)
     held, memory, scratch = borrowed(contact_rows), borrowed(memories), borrowed(scratches)
     push, spots = borrowed(pushes), borrowed(nodes)
-    a = (0.0, 0.0, -model[r.GRAVITY])
-    substeps = int(model[r.SUBSTEPS])
-    h = model[r.CONTROL_DT] / substeps
+    a = (0.0, 0.0, -shared[r.GRAVITY])
+    substeps = int(shared[r.SUBSTEPS])
+    h = shared[r.CONTROL_DT] / substeps
     for first in range(0, n, LANES):
         used = min(LANES, n - first)
         lanes.release(contacts)
         for lane in range(LANES):
             i = order[first + min(lane, used - 1)]
-            enter(model, states[i], clipped(given[i]), lane, pad, hull, contacts, held)
+            enter(shared, states[i], clipped(given[i]), lane, pad, hull, contacts, held)
         lanes.drive(
             pad, hull, contacts, held, None, used, ground, a, h, substeps, memory, scratch, push, spots
         )
-        count_down(contacts, int(model[r.WHEELS]), pad)
+        count_down(contacts, int(shared[r.WHEELS]), pad)
         for lane in range(used):
             i = order[first + lane]
             row = states[i]
             before = cos_tilt(load(row)[1])
             leave(row, lane, pad, held)
             wheels_down, others_down = int(pad[WHEELS_DOWN, lane]), int(pad[OTHERS_DOWN, lane])
-            judge(model, ground, row, clipped(given[i]), before, wheels_down, others_down)
+            judge(shared, ground, row, clipped(given[i]), before, wheels_down, others_down)
 
 
 @jit
