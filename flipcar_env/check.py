@@ -22,11 +22,12 @@ def check_vec_env(
     """Check that environment i of a batch seeded s is the single environment seeded s + i, bit for bit.
 
     Random actions are played in the batch and, side by side, in single environments. Observations, rewards,
-    ends, final observations, time-limit flags and the starts of the next episodes must be equal. No array
-    of observations or rewards may change by the next step. The same seed must start the same episodes
-    again. If the single environment refuses (with ValueError or AssertionError) an action in a Box that is
-    not a number, or of another shape, so must the batch, if only the last environment gets it; and none of
-    its environments may be changed by that. What the single one takes, the batch is not asked.
+    ends, final observations, time-limit flags and the starts of the next episodes must be equal; a reward
+    once the single one's is rounded to the batch's type. No array that was handed out may change by the
+    next step. The same seed must start the same episodes again, at once and after all the steps. If the
+    single environment refuses (with ValueError or AssertionError) an action in a Box that is not a number,
+    or of another shape, so must the batch, if only the last environment gets it; and none of its
+    environments may be changed by that. What the single one takes, the batch is not asked.
 
     Args:
         make_single: makes a single environment.
@@ -63,18 +64,22 @@ class _Vector:
         return self.env.reset(seed=seed)[0]
 
     def step(self, actions):
-        """(obs, reward, terminated, truncated, final observations or None) of all."""
+        """(obs, reward, terminated, truncated, final observations) of all, and what was handed out."""
         obs, reward, terminated, truncated, infos = self.env.step(actions)
+        handed = {
+            "observations": obs,
+            "rewards": reward,
+            "terminations": terminated,
+            "truncations": truncated,
+        }
         over = terminated | truncated
         finals = list(obs)
         if self.mode == AutoresetMode.SAME_STEP and over.any():
             finals = [infos["final_obs"][i] if end else obs[i] for i, end in enumerate(over)]
+            handed["final observations"] = [final for final, end in zip(finals, over, strict=True) if end]
         if self.mode == AutoresetMode.DISABLED and over.any():
             obs = self.env.reset(options={"reset_mask": over})[0]
-        return obs, reward, terminated, truncated, finals
-
-    def cast(self, reward):
-        return reward
+        return obs, reward, terminated, truncated, finals, handed
 
 
 class _SB3:
@@ -98,10 +103,9 @@ class _SB3:
             info["terminal_observation"] if end else obs[i]
             for i, (end, info) in enumerate(zip(done, infos, strict=True))
         ]
-        return obs, reward, done & ~truncated, truncated, finals
-
-    def cast(self, reward):
-        return np.float32(reward)
+        handed = {"observations": obs, "rewards": reward, "dones": done}
+        handed["final observations"] = [final for final, end in zip(finals, done, strict=True) if end]
+        return obs, reward, done & ~truncated, truncated, finals, handed
 
 
 def _check(make_single, batch, n, seed, steps):
@@ -116,35 +120,33 @@ def _check(make_single, batch, n, seed, steps):
                 f"{batch.name} {i}, step {step}{after}: {what} is {got!r}, the single one's is {want!r}"
             )
 
-    obs = np.copy(batch.reset(seed))
-    again = batch.reset(seed)
-    if not _same(obs, again):
+    first = np.copy(batch.reset(seed))
+    obs = batch.reset(seed)
+    if not _same(obs, first):
         raise AssertionError(f"{batch.name}: the same seed does not start the same episodes")
-    obs = again
     for i, env in enumerate(singles):
         compare(i, 0, "the first observation", obs[i], env.reset(seed=seed + i)[0])
 
     bad, refused = _refused(make_single), 0
     over = np.zeros(n, dtype=bool)
     ended = 0
-    handed_out: tuple[tuple[str, np.ndarray], ...] = (("observations", obs),)
+    handed: dict[str, Any] = {"observations": obs}
     for step in range(1, steps + 1):
         actions = np.array([space.sample() for _ in range(n)])
         if step == 2:
             _check_refusals(batch, actions, bad)
             refused = len(bad)
-        copies = [np.copy(array) for _, array in handed_out]
-        obs, reward, terminated, truncated, finals = batch.step(actions)
-        for (what, array), copy in zip(handed_out, copies, strict=True):
-            if not _same(array, copy):
+        before, copies = handed, {what: np.copy(array) for what, array in handed.items()}
+        obs, reward, terminated, truncated, finals, handed = batch.step(actions)
+        for what, copy in copies.items():
+            if not _same(before[what], copy):
                 raise AssertionError(f"{batch.name}, step {step}: {what} handed out before have changed")
-        handed_out = (("observations", obs), ("rewards", reward))
         for i, env in enumerate(singles):
             if batch.mode == AutoresetMode.NEXT_STEP and over[i]:
                 want = (env.reset()[0], 0.0, False, False)
             else:
                 want = env.step(actions[i])[:4]
-            compare(i, step, "the reward", reward[i], batch.cast(want[1]))
+            compare(i, step, "the reward", reward[i], np.asarray(reward).dtype.type(want[1]))
             compare(i, step, "terminated", terminated[i], want[2])
             compare(i, step, "truncated", truncated[i], want[3] and not (batch.exclusive and want[2]))
             over[i] = want[2] or want[3]
@@ -152,6 +154,10 @@ def _check(make_single, batch, n, seed, steps):
             compare(i, step, "the final observation" if over[i] else "the observation", finals[i], want[0])
             if over[i] and batch.mode != AutoresetMode.NEXT_STEP:
                 compare(i, step, "the next episode's observation", obs[i], env.reset()[0])
+    if not _same(batch.reset(seed), first):
+        raise AssertionError(
+            f"{batch.name}: after {steps} steps the same seed does not start the same episodes"
+        )
     if not ended:
         raise ValueError(f"steps must be enough for an episode to end, got {steps}")
     for env in singles:

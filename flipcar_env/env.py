@@ -170,6 +170,7 @@ class FlipCarEnv(gym.Env):
         options = options or {}
         for name in options:
             one_of("options", name, ("start", "state"))
+        refuse_both(options)
         kinds = self.core.start_kinds(options["start"]) if "start" in options else None
         state = self.core.check_states(options["state"]) if "state" in options else None
         super().reset(seed=seed)
@@ -224,6 +225,16 @@ SHAPE = (3,)
 
 FIRST = np.zeros(1, np.int64)
 """The only environment's index."""
+
+
+def refuse_both(options: dict[str, Any]) -> None:
+    """A state is not of the kind of start that is asked for.
+
+    Raises:
+        ValueError: both are asked for.
+    """
+    if "start" in options and "state" in options:
+        raise ValueError(f"options must have start or state, got both: start is {options['start']!r}")
 
 
 def refuse_rendering(render_mode: Any) -> None:

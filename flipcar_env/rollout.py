@@ -8,9 +8,10 @@ import numpy as np
 from solver.model import load
 from solver.rotation import to_matrix
 
-from . import car, reward
+from . import reward
 from .env import FlipCarEnv
 from .episode import Episode
+from .row import LIMIT
 
 
 def play(
@@ -53,7 +54,8 @@ def _frame(
     env: FlipCarEnv, step: int, action: np.ndarray, info: dict[str, Any], total: float
 ) -> dict[str, Any]:
     dt = env.core.control_dt
-    x, quat, v, w = (np.array(a) for a in load(env.get_state()))
+    state = env.get_state()
+    x, quat, v, w = (np.array(a) for a in load(state))
     return {
         "t": step * dt,
         "x": x,
@@ -61,7 +63,7 @@ def _frame(
         "v": v,
         "w": to_matrix(quat) @ w,
         "action": action,
-        "torque": action * np.array(car.TORQUE_LIMIT),
+        "torque": action * state[LIMIT : LIMIT + 3],
         "force": env.contact_impulses() / dt if step else np.zeros((env.core.points, 3)),
         "tilt": info["tilt"],
         "energy": info["energy"],

@@ -12,7 +12,7 @@ from solver.errors import one_of
 from . import row as r
 from . import starts
 from .core import Core
-from .env import FlipCarEnv
+from .env import FlipCarEnv, refuse_both
 
 KINDS = (*starts.KINDS, "any")
 
@@ -41,7 +41,7 @@ class FlipCarVecEnv(VecEnv):
             raise ValueError(f"stagger must be True or False, got {stagger!r}")
         self.stagger = stagger
         super().__init__(num_envs, self.core.observation_space, self.core.action_space)
-        self._returns = np.zeros(num_envs)
+        self._returns, self._lengths = np.zeros(num_envs), np.zeros(num_envs, np.int64)
         self._limits = np.full(num_envs, np.inf)
         self._keyed = False
         self._began = time.time()
@@ -54,7 +54,7 @@ class FlipCarVecEnv(VecEnv):
         return list(self._seeds)  # type: ignore[arg-type]
 
     def set_options(self, options: list[dict[str, Any]] | dict[str, Any] | None = None) -> None:
-        """Set what the next reset starts from: {"start": kind}, or one such dict for each environment.
+        """Set what the next reset starts from: {"start": kind} or {"state": array}, for all or one for each.
 
         Raises:
             ValueError: other options, kinds or lengths; the options set before stay then.
@@ -62,11 +62,15 @@ class FlipCarVecEnv(VecEnv):
         options = options or {}
         for one in [options] if isinstance(options, dict) else self.core.each("options", options):
             for name, value in one.items():
-                one_of(one_of("options", name, ("start",)), value, KINDS)
+                if one_of("options", name, ("start", "state")) == "start":
+                    one_of("start", value, KINDS)
+                else:
+                    self.core.check_states(value)
+            refuse_both(one)
         super().set_options(options)
 
     def reset(self) -> np.ndarray:
-        """Start an episode in every environment, by the options that `set_options` has given: "start"."""
+        """Start an episode in every environment, by the options that `set_options` has given."""
         kinds = self.core.kinds.copy()
         for i, options in enumerate(self._options):
             if "start" in options:
@@ -77,10 +81,14 @@ class FlipCarVecEnv(VecEnv):
             if seed is not None:
                 self.core.seed(i, seed)
         self.core.begin(np.arange(self.num_envs), kinds)
+        for i, options in enumerate(self._options):
+            if "state" in options:
+                self._set_state(i, options["state"])
         self._keyed = True
+        self.reset_infos = [self.core.start_info(i) for i in range(self.num_envs)]
         self._reset_seeds()
         self._reset_options()
-        self._returns[:] = 0.0
+        self._returns[:], self._lengths[:] = 0.0, 0
         self._limits[:] = np.inf
         if self.stagger:
             share = np.arange(1, self.num_envs + 1) / self.num_envs
@@ -107,6 +115,7 @@ class FlipCarVecEnv(VecEnv):
         truncated |= ~terminated & (core.rows[:, r.STEPS] >= self._limits)
         dones = terminated | truncated
         self._returns += core.results[:, r.REWARD]
+        self._lengths += 1
         infos: list[dict[str, Any]] = [{} for _ in range(self.num_envs)]
         if dones.any():
             which = np.flatnonzero(dones)
@@ -116,9 +125,9 @@ class FlipCarVecEnv(VecEnv):
                     **core.info(i, core.results[i].tolist()),
                     "terminal_observation": obs[i].copy(),
                     "TimeLimit.truncated": bool(truncated[i]),
-                    "episode": {"r": float(self._returns[i]), "l": int(core.rows[i, r.STEPS]), "t": now},
+                    "episode": {"r": float(self._returns[i]), "l": int(self._lengths[i]), "t": now},
                 }
-            self._returns[which] = 0.0
+            self._returns[which], self._lengths[which] = 0.0, 0
             self._limits[which] = np.inf
             core.begin(which)
             obs[which] = core.observed[which]
@@ -167,5 +176,5 @@ class FlipCarVecEnv(VecEnv):
 
     def _set_state(self, i: int, state: np.ndarray) -> None:
         self.core.put_states(self.core.check_states(state), np.array([i]))
-        self._returns[i] = 0.0
+        self._returns[i], self._lengths[i] = 0.0, 0
         self._limits[i] = np.inf  # it was the limit of the episode that this one replaces

@@ -12,7 +12,7 @@ from solver.errors import one_of
 from . import reward, starts
 from . import row as r
 from .core import ERROR, Core
-from .env import FlipCarEnv, refuse_rendering
+from .env import FlipCarEnv, refuse_both, refuse_rendering
 
 
 class FlipCarVectorEnv(VectorEnv):
@@ -92,6 +92,7 @@ class FlipCarVectorEnv(VectorEnv):
         options = options or {}
         for name in options:
             one_of("options", name, ("start", "state", "reset_mask"))
+        refuse_both(options)
         seeds = core.seeds(seed)
         kinds = core.start_kinds(options["start"]) if "start" in options else None
         mask = self._mask(options["reset_mask"]) if "reset_mask" in options else np.ones(core.n, np.bool_)

@@ -161,6 +161,8 @@ def test_bad_states_and_options_are_named_and_change_nothing():
             env.reset(options={"state": bad})
     with pytest.raises(ValueError, match="moon"):
         env.reset(options={"start": "moon"})
+    with pytest.raises(ValueError, match="both"):
+        env.reset(options={"start": "roof", "state": env.get_state()})
     with pytest.raises(ValueError, match="colour"):
         env.reset(options={"colour": "red"})
     np.testing.assert_array_equal(env.get_state(), state)

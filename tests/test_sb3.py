@@ -71,7 +71,14 @@ def test_a_curriculum_by_attribute_and_options():
     assert list(env.core.rows[:, r.START]) == [5] * 4
     env.reset()
     assert list(env.core.rows[:, r.START]) == [0, 3, 3, 0]
+    state = env.env_method("get_state")[2]
+    env.set_options([{}, {"state": state}, {}, {"start": "side"}])
+    env.reset()
+    np.testing.assert_array_equal(env.env_method("get_state")[1], state)
+    assert [info["start"] for info in env.reset_infos] == ["roof", "drop", "drop", "side"]
     for call, word in (
+        (lambda: env.set_options({"state": state, "start": "roof"}), "both"),
+        (lambda: env.set_options({"state": state[:3]}), "state"),
         (lambda: env.set_attr("start", "moon"), "moon"),
         (lambda: env.set_attr("colour", "red"), "colour"),
         (lambda: env.env_method("fly"), "fly"),
@@ -132,6 +139,23 @@ def test_a_state_that_is_set_is_not_cut_short_by_the_first_episodes_limit():
     env.env_method("set_state", state, indices=0)
     dones = [env.step(np.zeros((10, 3)))[2][0] for _ in range(50)]
     assert np.flatnonzero(dones).tolist() == [49]
+
+
+def test_an_episode_is_as_long_as_it_has_been_played():
+    """Also from a state in the middle of one, and where the solver gives up."""
+    env = FlipCarVecEnv(9, start="roof", stagger=False)
+    env.reset()
+    state = env.env_method("get_state", indices=0)[0]
+    state[r.STEPS] = 240
+    env.env_method("set_state", state, indices=0)
+    for _ in range(3):
+        env.step(np.ones((9, 3)))
+    state[r.MOTION + 7] = state[r.MOTION + 10] = 1e300
+    env.core.states[1] = state
+    infos = [env.step(np.zeros((9, 3)))[3] for _ in range(7)]
+    assert infos[0][1]["solver_error"]
+    assert infos[0][1]["episode"]["l"] == 4
+    assert infos[6][0]["episode"]["l"] == 10
 
 
 def test_methods_of_each_environment():

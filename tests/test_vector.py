@@ -336,9 +336,11 @@ class Broken(FlipCarVectorEnv):
     def __init__(self, n, fault):
         super().__init__(n)
         self.fault, self.buffer, self.rewards = fault, None, np.zeros(n)
+        self.ends = np.zeros(n, bool)
 
     def reset(self, *, seed=None, options=None):
-        seed = seed + 1 if self.fault == "seed" else seed
+        late = self.fault == "late" and self.core.rows[0, r.STEPS] > 0
+        seed = seed + 1 if self.fault == "seed" or late else seed
         obs, infos = super().reset(seed=seed, options=options)
         if self.fault == "zero":
             obs[obs == 0] *= -1
@@ -357,6 +359,9 @@ class Broken(FlipCarVectorEnv):
         if self.fault == "rewards":
             self.rewards[:] = reward
             reward = self.rewards
+        if self.fault == "ends":
+            self.ends |= terminated
+            terminated = self.ends
         if self.fault == "reward":
             reward[-1] = np.nextafter(reward[-1], 9)
         if self.fault == "final":
@@ -370,6 +375,8 @@ class Broken(FlipCarVectorEnv):
         ("seed", "environment 0, step 0: the first observation"),
         ("buffer", "observations handed out before have changed"),
         ("rewards", "rewards handed out before have changed"),
+        ("ends", "terminations handed out before have changed"),
+        ("late", "after 260 steps the same seed starts other"),
         ("zero", "step 0: the first observation"),
         ("half", "environment 0, step 2 after 2 refused calls"),
         ("reward", "environment 3, step 1: the reward"),
