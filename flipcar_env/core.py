@@ -66,6 +66,8 @@ class Core:
         control_dt: s between actions.
         substeps: physics steps in each.
         method: contact method.
+        action_delay: control steps from an action to its torque.
+        sensor_noise: of observations that are not privileged, in `observe.SENSORS`.
         threads: how many work on the environments; the result's bits do not depend on it.
 
     Attributes:
@@ -87,6 +89,8 @@ class Core:
         control_dt: float = 0.04,
         substeps: int = 10,
         method: str = "impulse",
+        action_delay: int = 0,
+        sensor_noise: float = 0.0,
         threads: int = 1,
     ):
         self.n = whole("num_envs", n, 1)
@@ -94,6 +98,8 @@ class Core:
         one_of("obs", obs, observe.KINDS)
         control_dt = number("control_dt", control_dt, above=0.0, high=0.5)
         substeps = whole("substeps", substeps, 1, 1000)
+        action_delay = whole("action_delay", action_delay, 0, r.MAX_DELAY)
+        sensor_noise = number("sensor_noise", sensor_noise, low=0.0)
         if one_of("method", method, METHODS) != "impulse":
             raise ValueError(f"method must be 'impulse' in the environment, got {method!r}")
         self.kinds = self.start_kinds(start)
@@ -117,6 +123,8 @@ class Core:
                 int(np.ceil(reward.HOLD_TIME / control_dt - 1e-9)),
                 observe.KINDS.index(obs),
                 0.0 if kind == "level" else grounds.SCATTER,
+                action_delay,
+                sensor_noise,
             )
             return Ground(model, surface, np.flatnonzero([one == kind for one in terrains]))
 

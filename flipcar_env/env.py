@@ -122,6 +122,8 @@ class FlipCarEnv(gym.Env):
     | control_dt | 0.04 | s between actions |
     | substeps | 10 | physics steps in each |
     | method | "impulse" | contact method |
+    | action_delay | 0 | control steps from an action to its torque, up to 2 |
+    | sensor_noise | 0 | of observations but "privileged"; 1 is that of `observe.SENSORS` |
 
     ## Version History
     * v0: initial version.
@@ -139,10 +141,14 @@ class FlipCarEnv(gym.Env):
         control_dt: float = 0.04,
         substeps: int = 10,
         method: str = "impulse",
+        action_delay: int = 0,
+        sensor_noise: float = 0.0,
     ):
         refuse_rendering(render_mode)
         self.render_mode = None
-        self.core = Core(1, start, terrain, randomize, obs, control_dt, substeps, method)
+        self.core = Core(
+            1, start, terrain, randomize, obs, control_dt, substeps, method, action_delay, sensor_noise
+        )
         self.observation_space = self.core.observation_space
         self.action_space = self.core.action_space
         self._name_parts()

@@ -5,7 +5,7 @@ from gymnasium import spaces
 
 from solver.algebra import jit, matrix, to_body, to_world
 
-from . import car
+from . import car, chance
 from . import row as r
 
 KINDS = ("egocentric", "state", "privileged")
@@ -28,6 +28,19 @@ _BOUNDS["privileged"] = (
     _BOUNDS["state"][0] + _BOUNDS["egocentric"][0] + [0.0] * _POINTS + [-1.0] * _PARAMETERS + [0.0],
     _BOUNDS["state"][1] + _BOUNDS["egocentric"][1] + [1.0] * _POINTS + [1.0] * _PARAMETERS + [1.0],
 )
+SENSORS = {
+    # an attitude estimate good to a degree, velocities to 10 cm/s, a gyroscope to 0.01 rad/s, heights to 5 cm
+    "egocentric": np.array([0.02] * 3 + [0.1] * 3 + [0.01] * 3 + [0.05]),
+    "state": np.array([0.05] * 3 + [0.01] * 4 + [0.1] * 3 + [0.01] * 3),
+}
+"""Standard deviations of an observation at `sensor_noise=1`. What is privileged is the truth."""
+
+_EGOCENTRIC_BOUNDS = np.array(_BOUNDS["egocentric"])
+_STATE_BOUNDS = np.array(_BOUNDS["state"])
+_EGOCENTRIC_SENSORS, _STATE_SENSORS = SENSORS["egocentric"], SENSORS["state"]
+_FIRST_NOISE = 1000.0
+"""Index of an episode's first random number for its sensors."""
+
 _MIDDLE, _HALF = car.RANGES.mean(axis=1), 0.5 * np.diff(car.RANGES)[:, 0]
 
 
@@ -43,6 +56,26 @@ def _put(obs, at, a, bound):
     obs[at] = np.float32(min(bound, max(-bound, a[0])))
     obs[at + 1] = np.float32(min(bound, max(-bound, a[1])))
     obs[at + 2] = np.float32(min(bound, max(-bound, a[2])))
+
+
+@jit
+def _disturb(row, obs, noise, sensors, bounds):
+    """Add the sensors' noise of this step, and keep within the bounds."""
+    n = len(sensors)
+    at = _FIRST_NOISE + 2.0 * n * row[r.STEPS]
+    for i in range(n):
+        error = noise * sensors[i] * chance.normal(row[r.KEY], row[r.KEY + 1], row[r.EPISODE], at)
+        obs[i] = np.float32(min(bounds[1, i], max(bounds[0, i], obs[i] + error)))
+        at += 2.0
+
+
+@jit
+def disturb(view, row, obs, noise):
+    """Add noise to an observation: another at each step, the same again from the same state."""
+    if view == EGOCENTRIC:
+        _disturb(row, obs, noise, _EGOCENTRIC_SENSORS, _EGOCENTRIC_BOUNDS)
+    elif view == STATE:
+        _disturb(row, obs, noise, _STATE_SENSORS, _STATE_BOUNDS)
 
 
 @jit

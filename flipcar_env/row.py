@@ -24,7 +24,11 @@ EPISODE = 18  # how many resets since the key was set
 START = 19  # kind of start, an index into `starts.KINDS`
 CAR = 20  # this episode's car: the columns below, in the order of `car.NOMINAL`
 CLOSED = 32  # which hull points are in contact: bit k is point k's
-FORCES = 33  # of the first so many of them, along N, t1, t2, N: where the solver starts from
+PENDING = 33  # actions that have been given but not yet carried out, the next one first
+MAX_DELAY = 2
+FORCES = (
+    PENDING + 3 * MAX_DELAY
+)  # of the first so many contacts, along N, t1, t2, N: the solver's first guess
 SLOTS = 4
 """No facet of the car's hull has more points, and no more have been seen in contact at once."""
 STATE = FORCES + 3 * SLOTS  # so long is the state
@@ -71,7 +75,9 @@ HOLD_STEPS = 15
 VIEW = 16  # kind of observation, an index into `observe.KINDS`
 WHEELS = 17
 SCATTER = 18  # m; starts are within ± so much of the origin in x and y
-HULL = 19  # (p, 4)
+DELAY = 19  # control steps from an action to its torque
+NOISE = 20  # of the sensors, in `observe.SENSORS`
+HULL = 21  # (p, 4)
 
 
 def model(
@@ -85,6 +91,8 @@ def model(
     hold_steps: int,
     view: int,
     scatter: float,
+    delay: int,
+    noise: float,
 ) -> np.ndarray:
     """Pack what is the same for every row on the same ground."""
     if len(body.hull) > MAX_POINTS:
@@ -93,7 +101,7 @@ def model(
         [
             [body.bounding_radius],
             plane,
-            [gravity, control_dt, substeps, max_steps, hold_steps, view, wheels, scatter],
+            [gravity, control_dt, substeps, max_steps, hold_steps, view, wheels, scatter, delay, noise],
             np.column_stack([body.hull, body.radius]).ravel(),
         ]
     )

@@ -55,13 +55,15 @@ def observe_row(model, ground, row, x, quat, v, w):
     obs = borrowed(row[r.OBSERVED :].view(np.float32))
     if model[r.VIEW] == observe.STATE:
         observe.state(x, quat, v, w, obs)
-        return
-    up = height(ground, ground[4], x)
-    if model[r.VIEW] == observe.EGOCENTRIC:
-        observe.egocentric(up, quat, v, w, obs)
     else:
-        left = 1.0 - row[r.STEPS] / model[r.MAX_STEPS]
-        observe.privileged(row, up, left, x, quat, v, w, obs)
+        up = height(ground, ground[4], x)
+        if model[r.VIEW] == observe.EGOCENTRIC:
+            observe.egocentric(up, quat, v, w, obs)
+        else:
+            left = 1.0 - row[r.STEPS] / model[r.MAX_STEPS]
+            observe.privileged(row, up, left, x, quat, v, w, obs)
+    if model[r.NOISE] > 0.0:
+        observe.disturb(model[r.VIEW], row, obs, model[r.NOISE])
 
 
 @jit
@@ -75,8 +77,25 @@ def clipped(action):
 
 
 @jit
-def actuate(row, act):
-    """The torque about the car's axes, N m."""
+def due(model, row, act):
+    """The action that is carried out when `act` is given: one given some steps ago, if there is a delay."""
+    return act if model[r.DELAY] == 0.0 else vec(row, r.PENDING)
+
+
+@jit
+def enqueue(model, row, act):
+    """Leave an action pending, in place of the one that was due."""
+    delay = int(model[r.DELAY])
+    if delay > 0:
+        for j in range(r.PENDING, r.PENDING + 3 * (delay - 1)):
+            row[j] = row[j + 3]
+        put(row, r.PENDING + 3 * (delay - 1), act)
+
+
+@jit
+def actuate(model, row, act):
+    """The torque about the car's axes when an action is given, N m."""
+    act = due(model, row, act)
     return (act[0] * row[r.LIMIT], act[1] * row[r.LIMIT + 1], act[2] * row[r.LIMIT + 2])
 
 
@@ -98,13 +117,13 @@ def place_hull(model, row, hull):
 
 @jit
 def judge(model, ground, row, act, before, wheels_down, others_down):
-    """Observe the row's motion, and reward it.
+    """Reward the row's step, and observe it.
 
     Args:
         model: what all rows share.
         ground: as the solver has it.
         row: of which the state is that at the end of the step.
-        act: (3,) in [-1, 1].
+        act: (3,) in [-1, 1], as given.
         before: cos tilt before the step.
         wheels_down: how many tyres' hull points have touched.
         others_down: how many other points.
@@ -116,7 +135,9 @@ def judge(model, ground, row, act, before, wheels_down, others_down):
     still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
     row[r.HELD] = row[r.HELD] + 1.0 if still and not failed else 0.0
     success = row[r.HELD] >= model[r.HOLD_STEPS]
-    terms = reward.terms(before, after, success, act)
+    terms = reward.terms(before, after, success, due(model, row, act))
+    if not failed:
+        enqueue(model, row, act)
     put(row, r.STATE + r.TERMS, (terms[0], terms[1], terms[2]))
     row[r.STATE + r.TERMS + 3] = terms[3]
     row[r.STATE + r.REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
@@ -205,7 +226,7 @@ def step(model, field, rows, actions, which, push):
     for i in which:
         row, act = states[i], clipped(given[i])
         before = cos_tilt(load(row)[1])
-        drive_alone(shared, ground, row, actuate(row, act), hull, contacts, scratch, borrowed(push))
+        drive_alone(shared, ground, row, actuate(shared, row, act), hull, contacts, scratch, borrowed(push))
         wheels_down, others_down = 0, 0
         for k in range(points):
             if push[k, 0] != 0.0 or push[k, 1] != 0.0 or push[k, 2] != 0.0:
@@ -259,7 +280,9 @@ def enter(model, row, act, lane, pad, hull, contacts, rows):
     apart()
     for j in range(lanes.TORQUE):
         pad[j, lane] = row[j]
-    pad[lanes.TORQUE, lane], pad[lanes.TORQUE + 1, lane], pad[lanes.TORQUE + 2, lane] = actuate(row, act)
+    pad[lanes.TORQUE, lane], pad[lanes.TORQUE + 1, lane], pad[lanes.TORQUE + 2, lane] = actuate(
+        model, row, act
+    )
     pad[lanes.MASS, lane] = row[r.MASS]
     for j in range(3):
         pad[lanes.INERTIA + j, lane] = row[r.INERTIA + j]

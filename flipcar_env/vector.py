@@ -31,6 +31,8 @@ class FlipCarVectorEnv(VectorEnv):
         control_dt: s between actions.
         substeps: physics steps in each.
         method: contact method.
+        action_delay: control steps from an action to its torque.
+        sensor_noise: of observations that are not privileged.
         threads: how many work on the environments; the result's bits do not depend on it.
         autoreset_mode: when a finished environment begins its next episode, as Gymnasium defines it.
 
@@ -54,6 +56,8 @@ class FlipCarVectorEnv(VectorEnv):
         control_dt: float = 0.04,
         substeps: int = 10,
         method: str = "impulse",
+        action_delay: int = 0,
+        sensor_noise: float = 0.0,
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ):
@@ -63,7 +67,19 @@ class FlipCarVectorEnv(VectorEnv):
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(one_of("autoreset_mode", mode, modes))
         self.metadata = {**self.metadata, "autoreset_mode": self.autoreset_mode}
-        core = Core(num_envs, start, terrain, randomize, obs, control_dt, substeps, method, threads)
+        core = Core(
+            num_envs,
+            start,
+            terrain,
+            randomize,
+            obs,
+            control_dt,
+            substeps,
+            method,
+            action_delay,
+            sensor_noise,
+            threads,
+        )
         self.core = core
         self.num_envs = core.n
         self.single_observation_space = core.observation_space

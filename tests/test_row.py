@@ -31,9 +31,9 @@ def actions(steps, n, seed=0):
 
 
 def test_a_row_is_small():
-    for obs, most in (("egocentric", 512), ("state", 1024), ("privileged", 1024)):
+    for obs in observe.KINDS:
         core = Core(2, obs=obs)
-        assert core.rows[0].nbytes <= most
+        assert core.rows[0].nbytes <= 1024
         assert np.shares_memory(core.states, core.rows)
         assert r.STATE + r.RESULTS + core.observed.shape[1] / 2 <= core.rows.shape[1]
     assert len(car.HULL) <= r.MAX_POINTS
@@ -251,3 +251,73 @@ def test_a_state_with_an_impossible_car_is_refused_by_name(column, value, words)
 def test_randomize_is_a_truth_or_one_for_each(value):
     with pytest.raises(ValueError, match="randomize"):
         Core(3, randomize=value)
+
+
+@pytest.mark.parametrize("delay", [1, 2])
+def test_a_delayed_action_is_one_given_later_and_is_in_the_state(delay):
+    n, steps = 9, 40
+    late, soon = Core(n, randomize=True, action_delay=delay), Core(n, randomize=True)
+    begun(late, starts.KINDS)
+    begun(soon, starts.KINDS)
+    driven = actions(steps, n)
+    motion = np.r_[0 : r.PENDING, r.FORCES : r.STATE]
+    for t in range(steps):
+        saved = late.states.copy()
+        late.step(driven[t])
+        soon.step(driven[t - delay] if t >= delay else np.zeros((n, 3), np.float32))
+        np.testing.assert_array_equal(late.states[:, motion], soon.states[:, motion])
+        np.testing.assert_array_equal(late.results, soon.results)
+        pending = late.states[:, r.PENDING : r.FORCES].reshape(n, -1, 3)[:, :delay]
+        np.testing.assert_array_equal(pending[:, -1], np.clip(driven[t], -1, 1))
+    again = late.rows.copy()
+    late.put_states(saved, np.arange(n))
+    late.step(driven[t])
+    np.testing.assert_array_equal(late.rows, again)
+
+
+def test_sensors_err_as_told_and_change_nothing_else():
+    n, steps = 40, 60
+    driven = actions(steps, n)
+    for obs in ("egocentric", "state"):
+        true, noisy = (begun(Core(n, obs=obs, sensor_noise=s), ["drop"]) for s in (0.0, 2.0))
+        errors = [noisy.observed - true.observed]
+        for action in driven:
+            noisy.step(action)
+            true.step(action)
+            errors.append(noisy.observed - true.observed)
+            np.testing.assert_array_equal(noisy.states, true.states)
+            np.testing.assert_array_equal(noisy.results, true.results)
+        assert all(noisy.observation_space.contains(one) for one in noisy.observed)
+        errors = np.array(errors) / (2.0 * observe.SENSORS[obs])
+        free = np.abs(true.observed).max(axis=0) < 0.9 * noisy.observation_space.high  # not clipped
+        assert free.sum() >= 7
+        flat = errors.reshape(-1, errors.shape[-1])[:, free]
+        np.testing.assert_allclose(flat.std(axis=0), 1.0, rtol=0.05)
+        np.testing.assert_allclose(flat.mean(axis=0), 0.0, atol=0.08)
+        assert np.abs(np.corrcoef(flat.T) - np.eye(free.sum())).max() < 0.1
+        assert abs(np.mean(errors[1:, :, free] * errors[:-1, :, free])) < 0.05
+        seen = noisy.observed.copy()
+        noisy.put_states(noisy.states.copy(), np.arange(n))
+        np.testing.assert_array_equal(noisy.observed, seen)
+    exact, noisy = (begun(Core(3, obs="privileged", sensor_noise=s), ["drop"]) for s in (0.0, 1.0))
+    np.testing.assert_array_equal(exact.observed, noisy.observed)
+
+
+def test_late_and_noisy_cars_have_the_same_bits_alone_and_in_lanes():
+    n, steps = 9, 30
+    options = {"action_delay": 1, "sensor_noise": 1.0, "randomize": True}
+    batch = begun(Core(n, **options), starts.KINDS)
+    alone = [begun(Core(1, **options), [starts.KINDS[i % 6]], seed=i) for i in range(n)]
+    for action in actions(steps, n):
+        batch.step(action)
+        for i, one in enumerate(alone):
+            one.step(action[i : i + 1])
+    np.testing.assert_array_equal(batch.rows, np.concatenate([one.rows for one in alone]))
+
+
+@pytest.mark.parametrize(
+    ("name", "value"), [("action_delay", 3), ("action_delay", 0.5), ("sensor_noise", -1.0)]
+)
+def test_delays_and_noise_that_cannot_be_are_named(name, value):
+    with pytest.raises(ValueError, match=name):
+        Core(1, **{name: value})
