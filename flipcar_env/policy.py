@@ -16,8 +16,8 @@ _SHIPPED = files("flipcar_env") / "policies"
 
 
 @entry
-def _forward(weights, sizes, obs, hidden, actions):
-    """Tanh layers, then a linear one, clipped to [-1, 1]; one row at a time, so batches keep bits.
+def _forward(weights, sizes, squash, obs, hidden, actions):
+    """Tanh layers, then a linear one, clipped or squashed to [-1, 1]; row by row, so batches keep bits.
 
     (A BLAS product gives other bits for one row than for many.)
     """
@@ -33,7 +33,7 @@ def _forward(weights, sizes, obs, hidden, actions):
                 s = weights[bias + k]
                 for j in range(n_in):
                     s += weights[at + k * n_in + j] * hidden[now, j]
-                if layer < len(sizes) - 2:
+                if squash or layer < len(sizes) - 2:
                     hidden[1 - now, k] = tanh(s)
                 else:
                     hidden[1 - now, k] = min(1.0, max(-1.0, s))
@@ -49,13 +49,14 @@ class Policy:
     Args:
         layers: (weight (out, in), bias (out,)) of each layer; tanh between them.
         obs: kind of observation it was trained on.
+        squash: take the last layer's tanh, too, instead of clipping it.
 
     Raises:
         ValueError: the layers do not fit one another, the observation or the action.
     """
 
-    def __init__(self, layers: list[tuple[np.ndarray, np.ndarray]], obs: str):
-        self.obs = obs
+    def __init__(self, layers: list[tuple[np.ndarray, np.ndarray]], obs: str, squash: bool = False):
+        self.obs, self._squash = obs, squash
         k = observe.space(obs).shape[0]
         sizes = [k]
         for i, (weight, bias) in enumerate(layers):
@@ -89,13 +90,15 @@ class Policy:
         batch = np.ascontiguousarray(np.atleast_2d(obs))
         actions = np.empty((len(batch), 3), dtype=np.float32)
         hidden = np.empty((2, self._sizes.max()))
-        _forward(self._weights, self._sizes, batch, hidden, actions)
+        _forward(self._weights, self._sizes, self._squash, batch, hidden, actions)
         return actions if obs.ndim == 2 else actions[0]
 
 
-def save_policy(path: str | Path, layers: list[tuple[np.ndarray, np.ndarray]], obs: str) -> None:
+def save_policy(
+    path: str | Path, layers: list[tuple[np.ndarray, np.ndarray]], obs: str, squash: bool = False
+) -> None:
     """Write a policy file (.npz, no pickle)."""
-    arrays: dict[str, np.ndarray] = {"format": np.array(FORMAT), "obs": np.array(obs)}
+    arrays = {"format": np.array(FORMAT), "obs": np.array(obs), "squash": np.array(squash)}
     for i, (weight, bias) in enumerate(layers):
         arrays[f"weight{i}"] = np.asarray(weight, dtype=np.float64)
         arrays[f"bias{i}"] = np.asarray(bias, dtype=np.float64)
@@ -127,6 +130,6 @@ def load_policy(name: str | Path) -> Policy:
             raise ValueError(f"format {int(arrays['format'])} is not {FORMAT}")
         n = sum(key.startswith("weight") for key in arrays)
         layers = [(arrays[f"weight{i}"], arrays[f"bias{i}"]) for i in range(n)]
-        return Policy(layers, str(arrays["obs"]))
+        return Policy(layers, str(arrays["obs"]), bool(arrays.get("squash", False)))
     except Exception as error:  # numpy raises many kinds for a file that is not what it says
         raise ValueError(f"policy file {str(source)!r} can't be read: {error}") from error

@@ -15,14 +15,14 @@ def test_the_exported_policy_is_sb3s(tmp_path):
     from stable_baselines3.common.vec_env import VecNormalize
 
     from flipcar_env.sb3 import FlipCarVecEnv
-    from train.ppo import layers
+    from train.learner import exported
 
     torch.manual_seed(0)
     env = VecNormalize(FlipCarVecEnv(4), clip_obs=1e6)
     env.seed(0)
     model = PPO("MlpPolicy", env, n_steps=64, batch_size=64, n_epochs=2, device="cpu")
     model.learn(512)
-    save_policy(tmp_path / "p.npz", layers(model, env), "egocentric")
+    save_policy(tmp_path / "p.npz", *exported(model))
     policy = load_policy(tmp_path / "p.npz")
     rng = np.random.default_rng(0)
     obs = rng.normal(size=(500, 10)).astype(np.float32) * [1, 1, 1, 5, 5, 5, 3, 3, 3, 1]

@@ -303,7 +303,8 @@ def learning(rounds: int) -> list[Row]:
     """Where the time of an SB3 PPO training goes, with `flipcar train`'s settings."""
     if not find_spec("stable_baselines3"):
         return []
-    from .ppo import Config, learner
+    from .config import Config
+    from .learner import learner
 
     config = Config()
     model = learner(config)
@@ -324,7 +325,7 @@ def learning(rounds: int) -> list[Row]:
     watch(model.policy, "forward", "network in rollouts")
     watch(model, "train", "updates")
     updates = max(1, rounds // 3)
-    size = config.n_steps * config.num_envs
+    size = model.n_steps * config.num_envs
     model.learn(size)
     spent.update(dict.fromkeys(spent, 0.0))
     before = time.perf_counter()

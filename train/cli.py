@@ -1,4 +1,4 @@
-"""The command line: `flipcar demo | train | eval | play | view | chart | settings | bench | warmup`."""
+"""The command line: `flipcar demo | train | eval | search | calibrate | play | view | chart | ...`."""
 
 import json as json_module
 import os
@@ -15,9 +15,11 @@ import flipcar_env
 from flipcar_env.policy import Policy, load_policy
 from flipcar_env.starts import KINDS
 
-from .ppo import Config
+from .config import Config
 
 START = Literal["roof", "side", "nose", "drop", "crash", "upright", "any"]
+TERRAIN = Literal["level", "slope", "bumpy", "ditch"]
+EVERY_START: tuple[START, ...] = ("roof", "side", "nose", "drop", "crash", "upright")
 
 
 def demo(out: Path = Path("flipcar-demo.rrd"), seed: int = 0, json: bool = False) -> None:
@@ -59,15 +61,25 @@ def demo(out: Path = Path("flipcar-demo.rrd"), seed: int = 0, json: bool = False
         recording.view(out)
 
 
-def train(config: Annotated[Config, tyro.conf.arg(name="")]) -> None:
-    """Train a policy with SB3's PPO and evaluate it."""
+def train(config: Annotated[Config, tyro.conf.arg(name="")], resume: Path | None = None) -> None:
+    """Train a policy with Stable-Baselines3 and evaluate it.
+
+    What is learned is kept every so often: after Ctrl-C, or worse, --resume goes on to the same bits.
+
+    Args:
+        config: of the run.
+        resume: directory of a run to go on with; whatever else is given counts for nothing.
+    """
     try:
         import stable_baselines3  # noqa: F401
     except ImportError:
         sys.exit("flipcar train needs Stable-Baselines3: pip install 'flipcar[train]'")
-    from .ppo import train as run
+    from . import learner
 
-    out = run(config)
+    try:
+        out = learner.train(config) if resume is None else learner.resume(resume)
+    except KeyboardInterrupt:
+        sys.exit("stopped; flipcar train --resume with its run directory goes on")
     print((out / "evaluation.json").read_text(), end="")
     print(f"run directory: {out}")
 
@@ -75,44 +87,110 @@ def train(config: Annotated[Config, tyro.conf.arg(name="")]) -> None:
 def evaluate(
     policy: tyro.conf.Positional[str] = "nominal",
     /,
-    start: START = "any",
-    episodes: int = 2000,
+    agent: Literal["zero", "random", "constant", "pd", "autoflip", "search"] | None = None,
+    start: tuple[START, ...] = EVERY_START,
+    terrain: tuple[TERRAIN, ...] = ("level",),
+    randomize: bool = False,
+    episodes: int = 10_000,
     seed: int | None = None,
+    out: Path | None = None,
     json: bool = False,
 ) -> None:
-    """Play many unseen starts and count the recoveries.
+    """Play stratified, unseen starts and count the recoveries.
 
     Args:
         policy: a shipped policy's name, or a file.
-        start: kind of start.
-        episodes: how many.
+        agent: one that has learned nothing, instead; "search" takes seconds a start.
+        start: kinds of start.
+        terrain: kinds of ground.
+        randomize: a car of its own for each episode.
+        episodes: of each kind on each terrain.
         seed: of the first start.
+        out: folder for evaluation.json, heat maps of success, and states of the starts that failed.
         json: print JSON.
     """
+    from . import assess
     from .evaluate import UNSEEN
-    from .evaluate import evaluate as run
 
-    result = run(load_policy(policy), start, episodes, UNSEEN if seed is None else seed)
-    if json:
-        print(json_module.dumps(result, indent=2))
-        return
-    low, high = result["wilson"]
-    print(
-        f"{policy}, start {start}: recovered {result['success']:.2%} of {episodes} "
-        f"(95 % interval {low:.2%} to {high:.2%})"
-    )
-    if result["time_median"] is not None:
-        print(
-            f"time to upright: median {result['time_median']:.2f} s, "
-            f"95th percentile {result['time_p95']:.2f} s; "
-            f"median work {result['work_median'] / 1e3:.2f} kJ"
+    arguments: dict[str, Any] = {"randomize": True} if randomize else {}
+
+    def bar(steps, name):
+        return tqdm(steps, desc=name, leave=False, disable=json)
+
+    if agent == "constant":
+        rows = assess.constant_rows(start, terrain, episodes, **arguments)
+    elif agent == "search":
+        rows = assess.found(
+            assess.search_rows(load_policy(policy), start, terrain, episodes, bar, **arguments)
         )
+    else:
+        drive = assess.AGENTS[agent]() if agent else load_policy(policy)
+        arguments["obs"] = drive.obs if isinstance(drive, Policy) else "egocentric"
+        first = UNSEEN if seed is None else seed
+        rows = assess.policy_rows(drive, start, terrain, episodes, first, out, bar, **arguments)
+    if json:
+        print(json_module.dumps(rows, indent=2))
+        return
+    print(f"{agent or policy}, {episodes} starts each")
+    for row in rows:
+        print(assess.line(row))
+    if out is not None:
+        print(f"in {out}: evaluation.json, a heat map for each terrain, failures")
+
+
+def search(
+    policy: tyro.conf.Positional[str] = "nominal",
+    /,
+    start: tuple[START, ...] = EVERY_START,
+    terrain: tuple[TERRAIN, ...] = ("level", "slope", "bumpy", "ditch"),
+    episodes: int = 200,
+    out: Path = Path("search.csv"),
+) -> None:
+    """Search for the quickest recovery from each of many starts: what `flipcar eval` compares with.
+
+    Args:
+        policy: that takes over, beside the controllers; see `train/search.py`.
+        start: kinds of start.
+        terrain: kinds of ground.
+        episodes: starts of each kind on each terrain.
+        out: CSV to write.
+    """
+    from . import assess
+
+    drive = load_policy(policy)
+    rows = assess.search_rows(drive, start, terrain, episodes, lambda groups, name: tqdm(groups, desc=name))
+    assess.write(out, rows)
+    for row in assess.found(rows):
+        print(assess.line(row))
+
+
+def calibrate(episodes: int = 2000, out: Path | None = None, json: bool = False) -> None:
+    """Measure how hard the task is: what agents recover that have learned nothing, from resting starts.
+
+    Args:
+        episodes: of each kind.
+        out: CSV to write.
+        json: print JSON.
+    """
+    from . import assess
+    from .calibrate import calibrate as run
+
+    rows = run(episodes, lambda agents: tqdm(agents, disable=json))
+    if out is not None:
+        assess.write(out, rows)
+    if json:
+        print(json_module.dumps(rows, indent=2))
+        return
+    for row in rows:
+        print(f"{row['agent']:16}{row['start']:10}{row['recovered']:8.2%}  {row['limit']}")
 
 
 def play(
     policy: tyro.conf.Positional[str] = "nominal",
     /,
     start: START = "roof",
+    terrain: TERRAIN = "level",
+    randomize: bool = False,
     episodes: int = 1,
     seed: int = 0,
     state: Path | None = None,
@@ -123,6 +201,8 @@ def play(
     Args:
         policy: a shipped policy's name, or a file.
         start: kind of start.
+        terrain: kind of ground.
+        randomize: a car of its own for each episode.
         episodes: how many.
         seed: of the first.
         state: a saved state (.npy, from `get_state`) to start from instead.
@@ -130,7 +210,7 @@ def play(
     """
     from flipcar_env import recording
 
-    recorded = _play(policy, [start] * episodes, seed, state)
+    recorded = _play(policy, [start] * episodes, seed, state, terrain=terrain, randomize=randomize)
     recording.save(out, recorded)
     for e in recorded:
         ended = "not recovered" if e.time_to_upright is None else f"upright in {e.time_to_upright:.2f} s"
@@ -289,7 +369,7 @@ def warmup() -> None:
     print(f"ready in {time.perf_counter() - before:.1f} s")
 
 
-def _play(policy: str, kinds: list[str], seed: int, state: Path | None) -> list:
+def _play(policy: str, kinds: list[str], seed: int, state: Path | None, **arguments: Any) -> list:
     """Episodes of a policy, one for each kind of start."""
     import numpy as np
 
@@ -297,7 +377,7 @@ def _play(policy: str, kinds: list[str], seed: int, state: Path | None) -> list:
     from flipcar_env.rollout import play as run
 
     drive: Policy = load_policy(policy)
-    env = FlipCarEnv(obs=drive.obs)
+    env = FlipCarEnv(obs=drive.obs, **arguments)
     options = [{"start": kind} for kind in kinds]
     if state is not None:
         options = [{"state": np.load(state, allow_pickle=False)}]
@@ -308,6 +388,8 @@ COMMANDS: dict[str, Callable[..., Any]] = {
     "demo": demo,
     "train": train,
     "eval": evaluate,
+    "search": search,
+    "calibrate": calibrate,
     "play": play,
     "view": view,
     "chart": chart,

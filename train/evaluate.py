@@ -29,6 +29,7 @@ class Played(NamedTuple):
         roll: of the start, rad.
         pitch: of the start, rad.
         success: has the car been recovered?
+        steps: control steps played.
         time: to upright, s; NaN if it was not.
         work: of the actuator, J.
         impulse: the largest of the ground on the car in a control step, N s.
@@ -40,6 +41,7 @@ class Played(NamedTuple):
     roll: np.ndarray
     pitch: np.ndarray
     success: np.ndarray
+    steps: np.ndarray
     time: np.ndarray
     work: np.ndarray
     impulse: np.ndarray
@@ -122,9 +124,9 @@ def play(
         flips[going] += been_up[going] & (upright < DOWN)
         been_up[going] = (upright > UP) | (been_up[going] & (upright >= DOWN))
     success = core.results[:, r.SUCCESS] > 0.0
-    time = np.where(success, core.rows[:, r.STEPS] * core.control_dt, np.nan)
-    work = core.rows[:, r.WORK].copy()
-    return Played(seeds, starts, roll, pitch, success, time, work, impulse, flips)
+    steps, work = core.rows[:, r.STEPS].copy(), core.rows[:, r.WORK].copy()
+    time = np.where(success, steps * core.control_dt, np.nan)
+    return Played(seeds, starts, roll, pitch, success, steps, time, work, impulse, flips)
 
 
 def _going(core: Core) -> Iterator[np.ndarray]:
