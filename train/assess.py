@@ -3,7 +3,7 @@
 import csv
 import json
 from collections.abc import Callable, Iterable, Sequence
-from functools import cache
+from functools import cache, partial
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -29,6 +29,11 @@ SEARCHED = Path(str(files("train") / "search.csv"))
 """What `flipcar search` has found, from 200 starts of each kind on each terrain."""
 
 Row = dict[str, Any]
+Progress = Callable[..., Iterable]
+
+
+def _quietly(steps: Iterable, name: str) -> Iterable:
+    return steps
 
 
 def policy_rows(
@@ -38,7 +43,7 @@ def policy_rows(
     episodes: int,
     seed: int = UNSEEN,
     out: Path | None = None,
-    progress: Callable[[Iterable, str], Iterable] = lambda steps, name: steps,
+    progress: Progress = _quietly,
     **arguments: Any,
 ) -> list[Row]:
     """Play an agent from stratified starts of each kind on each terrain.
@@ -60,7 +65,7 @@ def policy_rows(
             where = {"start": start, "terrain": terrain, **arguments}
             name = f"{terrain}, {start}"
             seeds = stratified(episodes, seed, **where)
-            one = play(agent, seeds, lambda steps, name=name: progress(steps, name), **where)
+            one = play(agent, seeds, partial(progress, name=name), **where)
             rows.append({"terrain": terrain, "start": start, **summary(one), "search": _beside(agent, where)})
             played.append(one)
             if out is not None:
@@ -96,7 +101,7 @@ def search_rows(
     starts: Sequence[str],
     terrains: Sequence[str],
     episodes: int,
-    progress: Callable[[Iterable, str], Iterable] = lambda groups, name: groups,
+    progress: Progress = _quietly,
     **arguments: Any,
 ) -> list[Row]:
     """What a search finds, a row for each start: control steps until upright, or "" where none is found.
@@ -110,7 +115,7 @@ def search_rows(
             where = {"start": start, "terrain": terrain, **arguments}
             seeds = stratified(episodes, **where)
             name = f"{terrain}, {start}"
-            steps = search(agents, seeds, lambda groups, name=name: progress(groups, name), **where)
+            steps = search(agents, seeds, partial(progress, name=name), **where)
             rows += [
                 {"terrain": terrain, "start": start, "seed": seed, "steps": int(n) if np.isfinite(n) else ""}
                 for seed, n in zip(seeds.tolist(), steps, strict=True)

@@ -112,6 +112,8 @@ def evaluate(
     from . import assess
     from .evaluate import UNSEEN
 
+    if out is not None:
+        _need_matplotlib("eval --out")
     arguments: dict[str, Any] = {"randomize": True} if randomize else {}
 
     def bar(steps, name):
@@ -286,6 +288,13 @@ def chart(
     print(f"report: {study.draw(out)}")
 
 
+def _need_matplotlib(command: str) -> None:
+    try:
+        import matplotlib  # noqa: F401
+    except ImportError:
+        sys.exit(f"flipcar {command} needs matplotlib: pip install 'flipcar[chart]'")
+
+
 def _tosses(data: Path | None, model: str, json: bool) -> None:
     """Roll real tosses out, and print how far off they are."""
     from solver.chart import tosses
@@ -312,10 +321,7 @@ def settings(quick: bool = False, out: Path = Path("flipcar-settings"), redraw: 
         out: folder for results and figure.
         redraw: measure nothing; conclude and draw again from what the folder has.
     """
-    try:
-        import matplotlib  # noqa: F401
-    except ImportError:
-        sys.exit("flipcar settings needs matplotlib: pip install 'flipcar[chart]'")
+    _need_matplotlib("settings")
     from solver.chart import store
 
     from . import settings_plot
