@@ -7,7 +7,9 @@ from pathlib import Path
 
 import numpy as np
 
-from solver.algebra import entry
+from solver.algebra import borrowed, entry
+from solver.lanes import column, set_column
+from solver.trace import LANES, filled
 
 from . import observe
 
@@ -15,32 +17,73 @@ FORMAT = 1
 _SHIPPED = files("flipcar_env") / "policies"
 
 
-@entry
-def _forward(weights, sizes, squash, obs, hidden, actions):
-    """Tanh layers, then a linear one, clipped or squashed to [-1, 1]; row by row, so batches keep bits.
+ABREAST = 4
+"""Outputs worked out side by side, so that none waits for its own last addition; layers are padded to it."""
 
-    (A BLAS product gives other bits for one row than for many.)
+
+@entry
+def _forward(weights, sizes, squash, obs, actions):
+    """Tanh layers, then a linear one, clipped or squashed to [-1, 1]; each row's sums in the same order.
+
+    (A BLAS product gives other bits for one row than for many.) Rows share the processor's lanes.
+
+    Args:
+        weights: of each layer (outputs / 4, inputs, 4), then biases; outputs are padded with noughts.
+        sizes: of the observation and of each layer, padded.
+        squash: take the last layer's tanh, too.
+        obs: (n, k) float32.
+        actions: (n, 3) float32, filled.
     """
-    for i in range(obs.shape[0]):
-        for j in range(sizes[0]):
-            hidden[0, j] = obs[i, j]
+    first, second = np.empty((sizes.max(), LANES)), np.empty((sizes.max(), LANES))
+    before, after = borrowed(first), borrowed(second)
+    for row in range(0, obs.shape[0], LANES):
+        used = min(LANES, obs.shape[0] - row)
+        for j in range(obs.shape[1]):
+            for lane in range(LANES):
+                before[j, lane] = obs[row + min(lane, used - 1), j]
         at = 0
-        now = 0
         for layer in range(len(sizes) - 1):
             n_in, n_out = sizes[layer], sizes[layer + 1]
-            bias = at + n_in * n_out
-            for k in range(n_out):
-                s = weights[bias + k]
+            biases = at + n_in * n_out
+            for k in range(0, n_out, ABREAST):
+                x = column(before, 0)
+                a, b = filled(x, weights[biases + k]), filled(x, weights[biases + k + 1])
+                c, d = filled(x, weights[biases + k + 2]), filled(x, weights[biases + k + 3])
                 for j in range(n_in):
-                    s += weights[at + k * n_in + j] * hidden[now, j]
-                if squash or layer < len(sizes) - 2:
-                    hidden[1 - now, k] = tanh(s)
-                else:
-                    hidden[1 - now, k] = min(1.0, max(-1.0, s))
-            at = bias + n_out
-            now = 1 - now
-        for k in range(sizes[-1]):
-            actions[i, k] = hidden[now, k]
+                    x = column(before, j)
+                    a = a + weights[at] * x
+                    b = b + weights[at + 1] * x
+                    c = c + weights[at + 2] * x
+                    d = d + weights[at + 3] * x
+                    at += ABREAST
+                set_column(after, k, a)
+                set_column(after, k + 1, b)
+                set_column(after, k + 2, c)
+                set_column(after, k + 3, d)
+            at = biases + n_out
+            for k in range(n_out):
+                for lane in range(used):
+                    if squash or layer < len(sizes) - 2:
+                        after[k, lane] = tanh(after[k, lane])
+                    else:
+                        after[k, lane] = min(1.0, max(-1.0, after[k, lane]))
+            before, after = after, before
+        for lane in range(used):
+            for k in range(3):
+                actions[row + lane, k] = before[k, lane]
+
+
+def _packed(layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """(weights, sizes) as `_forward` takes them."""
+    sizes, parts = [layers[0][0].shape[1]], []
+    for weight, bias in layers:
+        n_out = -(-len(bias) // ABREAST) * ABREAST
+        padded = np.zeros((n_out, sizes[-1]))
+        padded[: len(bias), : weight.shape[1]] = weight
+        parts.append(padded.reshape(-1, ABREAST, sizes[-1]).transpose(0, 2, 1).ravel())
+        parts.append(np.pad(np.asarray(bias, dtype=np.float64), (0, n_out - len(bias))))
+        sizes.append(n_out)
+    return np.concatenate(parts), np.array(sizes)
 
 
 class Policy:
@@ -70,10 +113,7 @@ class Policy:
             sizes.append(len(bias))
         if len(sizes) < 2 or sizes[-1] != 3:
             raise ValueError(f"the last layer must have 3 outputs, got sizes {sizes}")
-        self._sizes = np.array(sizes)
-        self._weights = np.concatenate(
-            [np.asarray(a, dtype=np.float64).ravel() for layer in layers for a in layer]
-        )
+        self._weights, self._sizes = _packed(layers)
 
     def __call__(self, obs: np.ndarray) -> np.ndarray:
         """Actions of observations: (k,) to (3,), or (n, k) to (n, 3), float32.
@@ -89,8 +129,7 @@ class Policy:
             raise ValueError(f"obs must have shape ({k},) or (n, {k}), got {obs.shape}")
         batch = np.ascontiguousarray(np.atleast_2d(obs))
         actions = np.empty((len(batch), 3), dtype=np.float32)
-        hidden = np.empty((2, self._sizes.max()))
-        _forward(self._weights, self._sizes, self._squash, batch, hidden, actions)
+        _forward(self._weights, self._sizes, self._squash, batch, actions)
         return actions if obs.ndim == 2 else actions[0]
 
 

@@ -58,7 +58,7 @@ def test_play_and_eval(tmp_path):
     assert "upright in" in done.stdout
     assert (tmp_path / "x.rrd").stat().st_size > 10_000
     done = flipcar("eval", "--start", "side", "--episodes", "50", "--json", cwd=tmp_path)
-    result = json.loads(done.stdout)
+    (result,) = json.loads(done.stdout)
     assert result["success"] > 0.9
     assert result["wilson"][0] <= result["success"] <= result["wilson"][1]
 
@@ -66,6 +66,7 @@ def test_play_and_eval(tmp_path):
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
+        (["train", "--resume", "nowhere"], ["resume must be a run directory", "nowhere"]),
         (["eval", "missing.npz"], ["policy must be one of", "'nominal'", "missing.npz"]),
         (
             ["chart", "tosses", "--data", "missing.npz"],
@@ -88,16 +89,27 @@ def test_errors_are_one_line(arguments, words, tmp_path):
 def test_version_and_help(tmp_path):
     assert flipcar("--version", cwd=tmp_path).stdout == f"flipcar {flipcar_env.__version__}\n"
     text = flipcar("--help", cwd=tmp_path).stdout
-    for command in ("demo", "train", "eval", "play", "view", "chart", "settings", "bench", "warmup"):
+    for command in (
+        "demo",
+        "train",
+        "eval",
+        "search",
+        "calibrate",
+        "play",
+        "view",
+        "chart",
+        "settings",
+        "bench",
+        "warmup",
+    ):
         assert command in text
         assert flipcar(command, "--help", cwd=tmp_path).stdout
 
 
 def test_training_runs_and_leaves_what_it_promises(tmp_path):
     done = flipcar(
-        "train", "--steps", "4096", "--num-envs", "8", "--n-steps", "64", "--batch-size", "256",
-        "--n-epochs", "1", "--eval-episodes", "20", "--out", "run", cwd=tmp_path,
-    )  # fmt: skip
+        "train", "--steps", "2048", "--num-envs", "8", "--eval-episodes", "20", "--out", "run", cwd=tmp_path
+    )
     assert "steps/s" in done.stderr
     run = tmp_path / "run"
     assert {p.name for p in run.iterdir()} >= {

@@ -1,4 +1,4 @@
-"""Why the environment steps as it does: errors fall, episodes are `evaluate`'s, the verdict can fail."""
+"""Why the environment steps as it does: errors fall, episodes are `evaluate.play`'s, the verdict can fail."""
 
 from inspect import signature
 
@@ -9,7 +9,7 @@ from flipcar_env import load_policy
 from flipcar_env.core import Core
 from flipcar_env.starts import KINDS
 from train import settings, settings_plot, settings_verdict
-from train.evaluate import evaluate, wilson
+from train.evaluate import UNSEEN, play, summary, wilson
 from train.settings import DEFAULT, EMPTY, FINER, NOTICED
 
 
@@ -60,7 +60,7 @@ def test_the_exact_method_agrees_with_what_errors_are_measured_against(monkeypat
 @pytest.mark.parametrize("start", ["nose", "crash"])
 def test_success_is_what_evaluate_counts(start):
     mine = settings.success(DEFAULT, start, 30)
-    right = evaluate(load_policy("nominal"), start, 30)
+    right = summary(play(load_policy("nominal"), UNSEEN + np.arange(30), start=start))
     assert mine["success"] == right["success"]
     assert [mine["low"], mine["high"]] == right["wilson"]
     assert mine["time_median"] == pytest.approx(right["time_median"], rel=1e-12)

@@ -106,16 +106,15 @@ def search_rows(
 ) -> list[Row]:
     """What a search finds, a row for each start: control steps until upright, or "" where none is found.
 
-    The controllers and a policy take over from it.
+    No start is recovered later than by the policy.
     """
-    agents = [pd, autoflip, policy]
-    rows = []
+    agents, rows = [pd, autoflip], []
     for terrain in terrains:
         for start in starts:
             where = {"start": start, "terrain": terrain, **arguments}
             seeds = stratified(episodes, **where)
             name = f"{terrain}, {start}"
-            steps = search(agents, seeds, partial(progress, name=name), **where)
+            steps = search(agents, seeds, policy, partial(progress, name=name), **where)
             rows += [
                 {"terrain": terrain, "start": start, "seed": seed, "steps": int(n) if np.isfinite(n) else ""}
                 for seed, n in zip(seeds.tolist(), steps, strict=True)

@@ -151,7 +151,7 @@ def search(
     """Search for the quickest recovery from each of many starts: what `flipcar eval` compares with.
 
     Args:
-        policy: that takes over, beside the controllers; see `train/search.py`.
+        policy: no start is recovered later than by it; see `train/search.py`.
         start: kinds of start.
         terrain: kinds of ground.
         episodes: starts of each kind on each terrain.

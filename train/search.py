@@ -1,9 +1,9 @@
 """The quickest recovery that a search through saved states finds from a start.
 
-Breadth first: for so many control steps one of 27 torques is held, then agents take over and play to the
-end. Of all beginnings those are kept from which an agent was upright soonest, and begun further. So no start
-is recovered later than by the best agent alone, and what is found is a sequence of torques that recovers the
-car, whatever is in it. It need not be the quickest there is.
+Breadth first: for so many control steps one of 27 torques is held, then simple controllers take over and play
+to the end. Of all beginnings those are kept from which one was upright soonest, and begun further. What is
+found is a sequence of torques that recovers the car; it need not be the quickest there is. A policy may play
+from the start, too: then no start is recovered later than by it.
 """
 
 from collections.abc import Callable, Iterable, Sequence
@@ -32,6 +32,7 @@ TORQUES = np.concatenate([np.zeros((1, 3), np.float32), DIRECTIONS])
 def search(
     agents: Sequence[Agent],
     seeds: np.ndarray,
+    policy: Agent | None = None,
     progress: Callable[[Iterable], Iterable] = iter,
     **arguments: Any,
 ) -> np.ndarray:
@@ -40,18 +41,22 @@ def search(
     Args:
         agents: that take over.
         seeds: of the starts.
+        policy: that plays from the start only.
         progress: of groups of starts.
         arguments: the environment's.
     """
     starts = begun(seeds, **arguments).states.copy()
     groups = np.array_split(starts, max(1, len(starts) // MANY))
-    return np.concatenate([_search(agents, group, arguments) for group in progress(groups)])
+    first = [*agents, policy] if policy else agents
+    return np.concatenate([_search(agents, first, group, arguments) for group in progress(groups)])
 
 
-def _search(agents: Sequence[Agent], starts: np.ndarray, arguments: dict[str, Any]) -> np.ndarray:
+def _search(
+    agents: Sequence[Agent], first: Sequence[Agent], starts: np.ndarray, arguments: dict[str, Any]
+) -> np.ndarray:
     n, k = starts.shape
     limit = np.full(n, np.inf)
-    for agent in agents:
+    for agent in first:
         limit = np.minimum(limit, _played(agent, starts, limit, arguments))
     kept = starts[:, None]
     last = int(Core(1, **arguments).grounds[0].model[r.MAX_STEPS])
