@@ -405,12 +405,14 @@ def a_car_is_driven():
 
 @scene
 def a_car_of_its_own_settles():
-    """A randomised car; and, in place of minutes, what a moment makes of one that is laid down."""
+    """A randomised car, late and noisy; and, in place of minutes, a moment of one that is laid down."""
     from flipcar_env import settle
     from flipcar_env.env import FlipCarEnv
 
-    env = FlipCarEnv(randomize=True, start="drop", terrain="slope")
-    env.reset(seed=0)
+    for obs in ("egocentric", "state"):
+        env = FlipCarEnv("drop", "slope", randomize=True, obs=obs, action_delay=2, sensor_noise=1.0)
+        env.reset(seed=0)
+        env.step(np.ones(3))
     settle.SETTLE_TIME, settle.STILL = 0.04, 100.0
     return np.concatenate([env.get_state(), settle.settle(1).ravel()])
 

@@ -32,7 +32,7 @@ class Config:
 
 
 STEPS = {
-    ("ppo", "nominal"): 2_000_000,
+    ("ppo", "nominal"): 3_000_000,
     ("ppo", "robust"): 8_000_000,
     ("sac", "nominal"): 600_000,
     ("sac", "robust"): 1_500_000,

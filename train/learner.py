@@ -65,6 +65,7 @@ def _run(config: Config, out: Path, model: Any, logged: list[tuple]) -> Path:
     if config.record_every:
         callbacks.append(progress.Recordings(out, config.record_every))
     model.learn(total - model.num_timesteps, callback=callbacks, reset_num_timesteps=False)
+    model.logger.close()
     model.save(out / "model.zip")
     save_policy(out / "policy.npz", *exported(model))
 

@@ -22,6 +22,7 @@ def logger(out: Path, done: int = 0) -> Logger:
         at = table.keys.index("time/total_timesteps")
         kept = [line for line in lines[1:] if line.endswith("\n") and int(line.split(",")[at]) <= done]
         table.file.writelines([lines[0], *kept])
+        table.file.flush()
     return Logger(str(out), [table, TensorBoardOutputFormat(str(out))])
 
 
