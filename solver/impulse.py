@@ -44,6 +44,7 @@ from .model import (
     OK,
     OPEN,
     TOUCH,
+    gap_if_below,
     gap_of,
     height_over,
     is_finite,
@@ -167,7 +168,7 @@ def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, cont
     view = seen(ground, R, x)
     arrives = False
     for k in range(hull.shape[0]):
-        if contacts[k, 0] == OPEN and gap_of(hull, k, ground[4], view) <= touch:
+        if contacts[k, 0] == OPEN and gap_if_below(hull, k, ground, ground[4], view, touch) <= touch:
             arrives = True
     if not arrives:
         return v, w
@@ -177,7 +178,7 @@ def collide(body, hull, ground, mu, e, several, slow, touch, x, quat, v, w, cont
     struck = False
     for k in range(hull.shape[0]):
         closed = contacts[k, 0] == CLOSED
-        if closed or gap_of(hull, k, ground[4], view) <= touch:
+        if closed or gap_if_below(hull, k, ground, ground[4], view, touch) <= touch:
             begin(rows, n, hull, k, ground[4], view)
             u = fill(rows, n, inv_m, inv_J, mu, v_b, w)
             struck = struck or (not closed and u[0] < -TOUCH)
@@ -365,7 +366,7 @@ def plastic(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, h
         view = seen(ground, matrix(quat1), x1)
         added = False
         for k in range(hull.shape[0]):
-            if contacts[k, 0] == OPEN and gap_of(hull, k, ground[4], view) < -TOUCH:
+            if contacts[k, 0] == OPEN and gap_if_below(hull, k, ground, ground[4], view, -TOUCH) < -TOUCH:
                 remember(contacts, k, LATE, NOTHING)
                 added = True
         if not added:

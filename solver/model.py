@@ -10,9 +10,11 @@ when a kernel is compiled: a plane's has no trace of the other. It is decided in
 `field` as an argument, as only there numba does not even look at the branch that is out.
 """
 
+import numpy as np
+
 from .algebra import axpy, cross, dot, jit, put, put_quat, to_body, to_world, vec, vec2
 from .contact import normal_speed
-from .field import foot, lent, times_symmetric
+from .field import foot, height, lent, times_symmetric
 from .trace import traced
 
 TOUCH = 1e-9
@@ -104,6 +106,22 @@ def meet(hull, k, field, view):
 def gap_of(hull, k, field, view):
     """φ of hull point k, m."""
     return meet(hull, k, field, view)[0]
+
+
+@jit
+def gap_if_below(hull, k, ground, field, view, limit):
+    """φ of hull point k, m, or over a height field, if it is certain to be above `limit`, ∞.
+
+    Nothing of the field is above the ground's plane, or steeper than 60°. So φ is at least the height over
+    that plane, and half the height over the field straight below, either of which costs less than its foot.
+    """
+    if field is None:
+        return gap(hull, k, view[2][0], view[3])
+    r = axpy(1.0, view[1], to_world(view[0], vec2(hull, k, 0)))
+    most = limit + hull[k, 3]
+    if r[2] - ground[3] > most or 0.5 * (r[2] - height(field, r[0], r[1])[0]) > most:
+        return np.inf
+    return foot(field, r)[0] - hull[k, 3]
 
 
 @jit

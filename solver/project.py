@@ -5,7 +5,7 @@ import numpy as np
 from .algebra import apart, axpy, cross, dot, jit, matrix, put2, scale, stage, to_body, to_world, vec2
 from .contact import inverse_mass, shift
 from .flight import turn
-from .model import CLOSED, OPEN, TOUCH, arm, gap, gap_of, height_over, meet, seen
+from .model import CLOSED, OPEN, TOUCH, arm, gap, gap_if_below, height_over, meet, seen
 from .sweep import HELD, POINT, RHO, RISE, ROLL, B, stand
 from .trace import filled, largest, least, most, no, some, sqrt, traced, where
 
@@ -37,7 +37,8 @@ def clearance_over(hull, ground, field, view, contacts):
         if field is None:
             deepest = _deeper(hull, k, view[2][0], view[3], contacts, deepest)
         elif contacts[k, 0] == OPEN:
-            deepest = min(deepest, certain(field, gap_of(hull, k, field, view), hull[k, 3]))
+            g = gap_if_below(hull, k, ground, field, view, deepest)
+            deepest = min(deepest, certain(field, g, hull[k, 3]))
     return deepest
 
 
@@ -53,9 +54,10 @@ def lowest_open(hull, ground, quat, x, contacts):
     view = seen(ground, matrix(quat), x)
     deepest, at = np.inf, -1
     for k in range(hull.shape[0]):
-        g = gap_of(hull, k, ground[4], view)
-        if g < deepest and contacts[k, 0] == OPEN:
-            deepest, at = g, k
+        if contacts[k, 0] == OPEN:
+            g = gap_if_below(hull, k, ground, ground[4], view, deepest)
+            if g < deepest:
+                deepest, at = g, k
     return at, deepest
 
 
@@ -92,7 +94,8 @@ def project(body, hull, ground, x, quat, w, contacts, rows, n, clear):
         n = 0
         for k in range(hull.shape[0]):
             held = contacts[k, 0] == CLOSED
-            if held or gap_of(hull, k, ground[4], view) < joins(ground[4]):
+            near = joins(ground[4])
+            if held or gap_if_below(hull, k, ground, ground[4], view, near) < near:
                 stand(rows, n, hull, k)
                 rows[n, HELD] = 1.0 if held else 0.0
                 n += 1
