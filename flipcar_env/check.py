@@ -155,9 +155,7 @@ def _check(make_single, batch, n, seed, steps):
             if over[i] and batch.mode != AutoresetMode.NEXT_STEP:
                 compare(i, step, "the next episode's observation", obs[i], env.reset()[0])
     if not _same(batch.reset(seed), first):
-        raise AssertionError(
-            f"{batch.name}: after {steps} steps the same seed does not start the same episodes"
-        )
+        raise AssertionError(f"{batch.name}: after {steps} steps the same seed starts other episodes")
     if not ended:
         raise ValueError(f"steps must be enough for an episode to end, got {steps}")
     for env in singles:
