@@ -133,6 +133,9 @@ if config.DISABLE_JIT:
     def borrowed(array):
         """The array itself."""
         return array
+
+    def keep_alive(*arrays):
+        """Nothing."""
 else:
 
     @intrinsic
@@ -140,7 +143,8 @@ else:
         """The array without its reference count, for as long as the caller holds it.
 
         Otherwise every call of a stage counts every array up and down, by locked instructions that
-        cost as much as a contact.
+        cost as much as a contact. A function that lends out an array of its own must `keep_alive` it to
+        its end: numba frees a variable after its last use.
         """
 
         def codegen(context, builder, signature, args):
@@ -149,6 +153,15 @@ else:
             return view._getvalue()
 
         return array(array), codegen
+
+    @intrinsic
+    def keep_alive(typingctx, *arrays):
+        """The last use of arrays: they live until here, and so does what is `borrowed` of them."""
+
+        def codegen(context, builder, signature, args):
+            return context.get_dummy_value()
+
+        return types.none(types.StarArgTuple(arrays)), codegen
 
 
 # A tuple is never indexed by a loop variable: that is a chain of branches, not a load.

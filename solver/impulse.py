@@ -24,6 +24,7 @@ from .algebra import (
     dot,
     entry,
     jit,
+    keep_alive,
     matrix,
     put2,
     scale,
@@ -613,4 +614,5 @@ def run(body, hull, ground, law, a, torque, state, contacts, f, options, h, n):
     for k in range(hull.shape[0]):
         if n > 0:
             f[k] = pushed(pushes, k, ground_, ground_[4]) / (n * h)
+    keep_alive(scratch, pushes)
     return OK

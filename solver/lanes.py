@@ -23,6 +23,7 @@ from .algebra import (
     dot,
     entry,
     jit,
+    keep_alive,
     matrix,
     put2,
     scale,
@@ -493,4 +494,5 @@ def run_many(body, hull, ground, law, a, torque, states, memories, f, h, n):
                 f[i, k] = dot(plane[0], push) / (n * h) if n > 0 else 0.0
             if pad[FAILED, lane] != 0.0 and failed < 0:
                 failed = i
+    keep_alive(pads, hulls, touches, contact_rows, totals, memory, scratches, tally, spots)
     return failed

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from solver.algebra import borrowed, entry, vec
+from solver.algebra import borrowed, entry, keep_alive, vec
 from solver.body import Body
 from solver.impulse import run, step
 from solver.model import MEMORY, load, store, unpack
@@ -41,6 +41,7 @@ def awake(body, hull, ground, law, a, torque, state, contacts, f, options, h, n)
             x, quat, v, w, borrowed(contacts), borrowed(rows), borrowed(push), h, clear,
         )  # fmt: skip
     store(state, x, quat, v, w)
+    keep_alive(rows, push)
 
 
 def timed(scene: Scene, state: State, law: Law, bound: float | None = None, kernel: Callable = run) -> float:
