@@ -8,8 +8,8 @@ from solver.algebra import jit, matrix, to_body, to_world
 from . import car, chance
 from . import row as r
 
-KINDS = ("egocentric", "state", "privileged")
-EGOCENTRIC, STATE, PRIVILEGED = range(3)
+KINDS = ("egocentric", "state", "privileged", "egocentric+action")
+EGOCENTRIC, STATE, PRIVILEGED, REMEMBERING = range(4)
 
 FIELD = 100.0
 """m; the episode is cut when the car is further from where it started."""
@@ -24,16 +24,22 @@ _BOUNDS = {
               [_FAR] * 3 + [1.0] * 4 + [_SPEED] * 3 + [_SPIN] * 3),
 }  # fmt: skip
 _POINTS, _PARAMETERS = len(car.HULL), len(car.NOMINAL)
+_GIVEN = 3 * r.MAX_DELAY
 _BOUNDS["privileged"] = (
-    _BOUNDS["state"][0] + _BOUNDS["egocentric"][0] + [0.0] * _POINTS + [-1.0] * _PARAMETERS + [0.0],
-    _BOUNDS["state"][1] + _BOUNDS["egocentric"][1] + [1.0] * _POINTS + [1.0] * _PARAMETERS + [1.0],
+    [*_BOUNDS["state"][0], *_BOUNDS["egocentric"][0]] + [0.0] * _POINTS + [-1.0] * _PARAMETERS + [0.0]
+    + [-1.0] * _GIVEN,
+    [*_BOUNDS["state"][1], *_BOUNDS["egocentric"][1]] + [1.0] * (_POINTS + _PARAMETERS + 1 + _GIVEN),
+)  # fmt: skip
+_BOUNDS["egocentric+action"] = (
+    _BOUNDS["egocentric"][0] + [-1.0] * 3,
+    _BOUNDS["egocentric"][1] + [1.0] * 3,
 )
 SENSORS = {
     # an attitude estimate good to a degree, velocities to 10 cm/s, a gyroscope to 0.01 rad/s, heights to 5 cm
     "egocentric": np.array([0.02] * 3 + [0.1] * 3 + [0.01] * 3 + [0.05]),
     "state": np.array([0.05] * 3 + [0.01] * 4 + [0.1] * 3 + [0.01] * 3),
 }
-"""Standard deviations of an observation at `sensor_noise=1`. What is privileged is the truth."""
+"""Standard deviations of an observation at `sensor_noise=1`. Privileged ones and actions are the truth."""
 
 _EGOCENTRIC_BOUNDS = np.array(_BOUNDS["egocentric"])
 _STATE_BOUNDS = np.array(_BOUNDS["state"])
@@ -72,7 +78,7 @@ def _disturb(row, obs, noise, sensors, bounds):
 @jit
 def disturb(view, row, obs, noise):
     """Add noise to an observation: another at each step, the same again from the same state."""
-    if view == EGOCENTRIC:
+    if view == EGOCENTRIC or view == REMEMBERING:
         _disturb(row, obs, noise, _EGOCENTRIC_SENSORS, _EGOCENTRIC_BOUNDS)
     elif view == STATE:
         _disturb(row, obs, noise, _STATE_SENSORS, _STATE_BOUNDS)
@@ -89,6 +95,12 @@ def egocentric(height, quat, v, w, obs):
 
 
 @jit
+def newest(row, obs):
+    """Fill what follows in a (13,) observation: the last action that was given, (0, 0, 0) at a start."""
+    _put(obs, 10, (row[r.NEWEST], row[r.NEWEST + 1], row[r.NEWEST + 2]), 1.0)
+
+
+@jit
 def state(x, quat, v, w, obs):
     """Fill a (13,) observation; w in the car's axes."""
     _put(obs, 0, x, _FAR)
@@ -100,11 +112,11 @@ def state(x, quat, v, w, obs):
 
 @jit
 def privileged(row, height, time_left, x, quat, v, w, obs):
-    """Fill a (62,) observation: everything that a critic may know.
+    """Fill a (68,) observation: everything that a critic may know.
 
     The state (13), the egocentric observation (10), for each hull point if it is in contact (26), the
-    car's columns from -1 to 1 between least and most (12), the inertia's at the nominal mass, and the
-    share of time left.
+    car's columns from -1 to 1 between least and most (12), the inertia's at the nominal mass, the share
+    of time left, and the last two actions (6).
     """
     state(x, quat, v, w, obs)
     egocentric(height, quat, v, w, obs[13:])
@@ -118,4 +130,7 @@ def privileged(row, height, time_left, x, quat, v, w, obs):
             value /= mass
         scaled = (value - _MIDDLE[k]) / _HALF[k]
         obs[23 + _POINTS + k] = np.float32(min(1.0, max(-1.0, scaled)))
-    obs[23 + _POINTS + _PARAMETERS] = np.float32(min(1.0, max(0.0, time_left)))
+    at = 23 + _POINTS + _PARAMETERS
+    obs[at] = np.float32(min(1.0, max(0.0, time_left)))
+    for j in range(_GIVEN):
+        obs[at + 1 + j] = np.float32(row[r.GIVEN + j])

@@ -24,11 +24,10 @@ EPISODE = 18  # how many resets since the key was set
 START = 19  # kind of start, an index into `starts.KINDS`
 CAR = 20  # this episode's car: the columns below, in the order of `car.NOMINAL`
 CLOSED = 32  # which hull points are in contact: bit k is point k's
-PENDING = 33  # actions that have been given but not yet carried out, the next one first
+GIVEN = 33  # the last actions, the newest last: those carried out late, and one that is observed
 MAX_DELAY = 2
-FORCES = (
-    PENDING + 3 * MAX_DELAY
-)  # of the first so many contacts, along N, t1, t2, N: the solver's first guess
+NEWEST = GIVEN + 3 * (MAX_DELAY - 1)
+FORCES = GIVEN + 3 * MAX_DELAY  # of the first so many contacts, along N, t1, t2, N: a first guess
 SLOTS = 4
 """No facet of the car's hull has more points, and no more have been seen in contact at once."""
 STATE = FORCES + 3 * SLOTS  # so long is the state

@@ -5,7 +5,7 @@ from math import sqrt
 import numpy as np
 
 from solver import impulse, lanes
-from solver.algebra import apart, borrowed, dot, entry, jit, put, stage, vec
+from solver.algebra import apart, borrowed, dot, entry, jit, keep_alive, put, stage, vec
 from solver.field import foot, lent
 from solver.model import MEMORY, height_over, is_finite, load, store
 from solver.sweep import WIDTH as CONTACT_ROW
@@ -57,8 +57,10 @@ def observe_row(model, ground, row, x, quat, v, w):
         observe.state(x, quat, v, w, obs)
     else:
         up = height(ground, ground[4], x)
-        if model[r.VIEW] == observe.EGOCENTRIC:
+        if model[r.VIEW] != observe.PRIVILEGED:
             observe.egocentric(up, quat, v, w, obs)
+            if model[r.VIEW] == observe.REMEMBERING:
+                observe.newest(row, obs)
         else:
             left = 1.0 - row[r.STEPS] / model[r.MAX_STEPS]
             observe.privileged(row, up, left, x, quat, v, w, obs)
@@ -79,17 +81,16 @@ def clipped(action):
 @jit
 def due(model, row, act):
     """The action that is carried out when `act` is given: one given some steps ago, if there is a delay."""
-    return act if model[r.DELAY] == 0.0 else vec(row, r.PENDING)
+    delay = int(model[r.DELAY])
+    return act if delay == 0 else vec(row, r.FORCES - 3 * delay)
 
 
 @jit
-def enqueue(model, row, act):
-    """Leave an action pending, in place of the one that was due."""
-    delay = int(model[r.DELAY])
-    if delay > 0:
-        for j in range(r.PENDING, r.PENDING + 3 * (delay - 1)):
-            row[j] = row[j + 3]
-        put(row, r.PENDING + 3 * (delay - 1), act)
+def remember(row, act):
+    """Keep an action, in place of the oldest."""
+    for j in range(r.GIVEN, r.NEWEST):
+        row[j] = row[j + 3]
+    put(row, r.NEWEST, act)
 
 
 @jit
@@ -129,15 +130,16 @@ def judge(model, ground, row, act, before, wheels_down, others_down):
         others_down: how many other points.
     """
     x, quat, v, w = load(row)
-    observe_row(model, ground, row, x, quat, v, w)
     failed = row[r.STATE + r.FAILED] != 0.0
+    done = due(model, row, act)
+    if not failed:
+        remember(row, act)
+    observe_row(model, ground, row, x, quat, v, w)
     after = cos_tilt(quat)
     still = reward.is_still_upright(after, sqrt(dot(v, v)), sqrt(dot(w, w)), wheels_down, others_down)
     row[r.HELD] = row[r.HELD] + 1.0 if still and not failed else 0.0
     success = row[r.HELD] >= model[r.HOLD_STEPS]
-    terms = reward.terms(before, after, success, due(model, row, act))
-    if not failed:
-        enqueue(model, row, act)
+    terms = reward.terms(before, after, success, done)
     put(row, r.STATE + r.TERMS, (terms[0], terms[1], terms[2]))
     row[r.STATE + r.TERMS + 3] = terms[3]
     row[r.STATE + r.REWARD] = terms[0] + terms[1] + terms[2] + terms[3]
@@ -235,6 +237,7 @@ def step(model, field, rows, actions, which, push):
                 else:
                     others_down += 1
         judge(shared, ground, row, act, before, wheels_down, others_down)
+    keep_alive(hulls, memory, scratches)
     return -1
 
 
@@ -272,6 +275,7 @@ def sort(model, ground, rows, which, order):
         kind = kind_of(model, ground, rows[i])
         order[begins[kind]] = i
         begins[kind] += 1
+    keep_alive(counts)
 
 
 @stage
@@ -388,6 +392,7 @@ def step_many(model, rows, actions, which):
             leave(row, lane, pad, held)
             wheels_down, others_down = int(pad[WHEELS_DOWN, lane]), int(pad[OTHERS_DOWN, lane])
             judge(shared, ground, row, clipped(given[i]), before, wheels_down, others_down)
+    keep_alive(order, pads, hulls, touches, contact_rows, memories, scratches, pushes, nodes)
 
 
 @jit

@@ -184,3 +184,11 @@ def feet(field, points, out):
         out[k, 0] = phi
         put2(out, k, 1, N)
         put6(out, k, 4, H)
+
+
+@entry
+def heights(field, x, y, out):
+    """h at (x, y), all (n,), into out."""
+    field_ = lent(field)
+    for k in range(out.shape[0]):
+        out[k] = height(field_, x[k], y[k])[0]

@@ -3,9 +3,10 @@
 import inspect
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from .errors import finite, number, one_of
-from .field import feet
+from .field import feet, heights
 
 FADE = 3
 """Cells over which a field's slope fades beyond its grid."""
@@ -47,6 +48,18 @@ class Plane:
     def distance(self, points: np.ndarray) -> np.ndarray:
         """φ (Eq. 4): signed distance of points (..., 3) above the plane, m."""
         return points @ self.normal - self.parameters[9]
+
+    def feet(self, points: np.ndarray) -> np.ndarray:
+        """φ, the normal and φ's Hessian, as `HeightField.feet` gives them, of points (..., 3): (..., 10)."""
+        out = np.zeros((*np.shape(points)[:-1], 10))
+        out[..., 0], out[..., 1:4] = self.distance(points), self.normal
+        return out
+
+    def heights(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
+        """z of the plane over (x, y), m; infinite if it is vertical."""
+        x, y = np.asarray(x, float), np.asarray(y, float)
+        with np.errstate(divide="ignore"):
+            return (self.parameters[9] - self.normal[0] * x - self.normal[1] * y) / self.normal[2]
 
     def __repr__(self):
         return f"Plane(normal={self.normal.tolist()}, point={self.point.tolist()})"
@@ -137,6 +150,13 @@ class HeightField:
     def distance(self, points: np.ndarray) -> np.ndarray:
         """φ (Eq. 4): signed distance of points (..., 3) above the surface, m."""
         return self.feet(points)[..., 0]
+
+    def heights(self, x: ArrayLike, y: ArrayLike) -> np.ndarray:
+        """h(x, y) of arrays of one shape, m."""
+        x, y = np.broadcast_arrays(np.asarray(x, float), np.asarray(y, float))
+        out = np.empty(x.size)
+        heights(self.field, np.ascontiguousarray(x).ravel(), np.ascontiguousarray(y).ravel(), out)
+        return out.reshape(x.shape)
 
     def __repr__(self):
         size = " x ".join(map(str, self.grid.shape))

@@ -210,6 +210,11 @@ def test_a_privileged_observation_holds_the_others_and_the_car():
         down = everything[:, 23:49] @ 2.0 ** np.arange(26)
         np.testing.assert_array_equal(down, cores["privileged"].states[:, r.CLOSED])
         np.testing.assert_allclose(everything[:, 61], 1 - t / 250, rtol=1e-6)
+        given = [np.clip(driven[i], -1, 1) if i >= 0 else np.zeros((n, 3)) for i in (t - 2, t - 1)]
+        np.testing.assert_array_equal(everything[:, 62:], np.hstack(given))
+        np.testing.assert_array_equal(
+            np.hstack([cores["egocentric"].observed, given[1]]), cores["egocentric+action"].observed
+        )
         if t < steps:
             for core in cores.values():
                 core.step(driven[t])
@@ -260,15 +265,16 @@ def test_a_delayed_action_is_one_given_later_and_is_in_the_state(delay):
     begun(late, starts.KINDS)
     begun(soon, starts.KINDS)
     driven = actions(steps, n)
-    motion = np.r_[0 : r.PENDING, r.FORCES : r.STATE]
+    motion = np.r_[0 : r.GIVEN, r.FORCES : r.STATE]
     for t in range(steps):
         saved = late.states.copy()
         late.step(driven[t])
         soon.step(driven[t - delay] if t >= delay else np.zeros((n, 3), np.float32))
         np.testing.assert_array_equal(late.states[:, motion], soon.states[:, motion])
         np.testing.assert_array_equal(late.results, soon.results)
-        pending = late.states[:, r.PENDING : r.FORCES].reshape(n, -1, 3)[:, :delay]
-        np.testing.assert_array_equal(pending[:, -1], np.clip(driven[t], -1, 1))
+        given = late.states[:, r.GIVEN : r.FORCES].reshape(n, -1, 3)
+        np.testing.assert_array_equal(given[:, -1], np.clip(driven[t], -1, 1))
+        np.testing.assert_array_equal(given[:, -2], np.clip(driven[t - 1], -1, 1) if t else 0.0)
     again = late.rows.copy()
     late.put_states(saved, np.arange(n))
     late.step(driven[t])
