@@ -5,7 +5,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from flipcar_env import load_policy
+from flipcar_env import load_policy, terrain
 from flipcar_env.policy import Policy, save_policy, shipped
 
 
@@ -89,3 +89,13 @@ def test_the_shipped_policy_recovers_the_car():
     result = evaluate(load_policy("nominal"), start="roof", episodes=200)
     assert result["wilson"][0] > 0.8
     assert result["time_median"] < 6
+
+
+@pytest.mark.parametrize("ground", terrain.KINDS)
+def test_the_robust_policy_recovers_other_cars_on_any_ground(ground):
+    from train.evaluate import evaluate
+
+    policy = load_policy("robust")
+    assert policy.obs == "egocentric+action"
+    result = evaluate(policy, "side", 60, terrain=ground, randomize=True, obs=policy.obs)
+    assert result["success"] > 0.9

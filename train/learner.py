@@ -28,7 +28,13 @@ def train(config: Config) -> Path:
         package: version(package)
         for package in ("flipcar", "stable-baselines3", "torch", "numba", "numpy", "gymnasium")
     }
-    known = {**asdict(config), "out": str(out), "steps": steps(config), "versions": versions}
+    known = {
+        **asdict(config),
+        "out": str(out),
+        "steps": steps(config),
+        "num_envs": settings.num_envs(config),
+        "versions": versions,
+    }
     (out / "config.json").write_text(json.dumps(known, indent=2) + "\n")
     return _run(config, out, learner(config), [])
 
@@ -53,6 +59,7 @@ def resume(out: Path) -> Path:
 
 def _run(config: Config, out: Path, model: Any, logged: list[tuple]) -> Path:
     from flipcar_env.policy import load_policy, save_policy
+    from flipcar_env.sb3 import RecordEpisodes
 
     from . import checkpoint, progress
     from .evaluate import evaluate
@@ -62,16 +69,18 @@ def _run(config: Config, out: Path, model: Any, logged: list[tuple]) -> Path:
     for entry in logged:
         model.logger.record(*entry)
     callbacks = [progress.ProgressBar(total), checkpoint.Checkpoints(out)]
+    if config.algorithm == "ppo" and config.task in settings.LEAST_NOISE:
+        callbacks.append(progress.LessNoise(settings.LEAST_NOISE[config.task]))
     if config.record_every:
-        callbacks.append(progress.Recordings(out, config.record_every))
+        callbacks.append(RecordEpisodes(out / "recordings", config.record_every))
     model.learn(total - model.num_timesteps, callback=callbacks, reset_num_timesteps=False)
     model.logger.close()
     model.save(out / "model.zip")
     save_policy(out / "policy.npz", *exported(model))
 
     policy = load_policy(out / "policy.npz")
-    where = {"start": "any"} if config.task == "nominal" else {"start": "any", "randomize": True}
-    results = evaluate(policy, episodes=config.eval_episodes, **where)
+    randomize = config.task == "robust"
+    results = evaluate(policy, "any", config.eval_episodes, randomize=randomize, obs=policy.obs)
     (out / "evaluation.json").write_text(json.dumps(results, indent=2) + "\n")
     return out
 
@@ -90,9 +99,11 @@ def learner(config: Config) -> Any:
     from flipcar_env.sb3 import FlipCarVecEnv
 
     torch.set_num_threads(1)  # small networks: threads only get in each other's way
-    cars = FlipCarVecEnv(config.num_envs, **settings.cars(config))
+    cars = FlipCarVecEnv(settings.num_envs(config), **settings.cars(config))
     env = VecNormalize(cars, gamma=settings.GAMMA, clip_obs=1e6)  # unclipped, so that it folds
-    chosen = dict(settings.PPO if config.algorithm == "ppo" else settings.SAC)
+    chosen = dict(settings.SAC)
+    if config.algorithm == "ppo":
+        chosen = {"n_steps": max(1, settings.UPDATE // settings.num_envs(config)), **settings.PPO}
     rate, network = chosen.pop("learning_rate"), {"net_arch": chosen.pop("net_arch")}
     if config.algorithm == "sac":
         network["activation_fn"] = torch.nn.Tanh  # as in a policy file

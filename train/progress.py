@@ -1,7 +1,9 @@
-"""What one wants to see while an agent trains."""
+"""What one wants to see while an agent trains, and how its noise falls."""
 
+from math import log
 from pathlib import Path
 
+import torch
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import CSVOutputFormat, Logger, TensorBoardOutputFormat
 from tqdm import tqdm
@@ -60,34 +62,21 @@ class ProgressBar(BaseCallback):
         self.bar.close()
 
 
-class Recordings(BaseCallback):
-    """Record an episode from the roof every so often, for rerun, in an environment of its own.
+class LessNoise(BaseCallback):
+    """Before each rollout of PPO, bound the standard deviation of the actions: from 1 to `least`, as a power.
 
     Args:
-        out: run directory; they go to recordings/.
-        every: steps between them, at least.
+        least: at the end.
     """
 
-    def __init__(self, out: Path, every: int):
+    def __init__(self, least: float):
         super().__init__()
-        self.folder, self.every, self.next = out / "recordings", every, 0
+        self.least = least
+
+    def _on_rollout_start(self) -> None:
+        done = self.num_timesteps / self.model._total_timesteps
+        with torch.no_grad():
+            self.model.policy.get_parameter("log_std").clamp_(max=done * log(self.least))
 
     def _on_step(self) -> bool:
         return True
-
-    def _on_rollout_start(self) -> None:
-        from flipcar_env import recording, rollout
-        from flipcar_env.env import FlipCarEnv
-        from flipcar_env.policy import Policy
-
-        from .learner import exported
-
-        if self.num_timesteps < self.next:
-            return
-        self.next = self.num_timesteps + self.every
-        self.folder.mkdir(exist_ok=True)
-        layers, obs, squash = exported(self.model)
-        policy = Policy(layers, obs, squash)
-        name = f"{self.num_timesteps:010d}"
-        episode = rollout.play(FlipCarEnv(obs=obs), policy, 0, {"start": "roof"}, f"after {name} steps")
-        recording.save(self.folder / f"{name}.rrd", [episode])
