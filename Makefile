@@ -4,7 +4,7 @@ VENV := .venv
 BIN := $(VENV)/bin
 PIP := $(BIN)/python -m pip install --quiet --disable-pip-version-check -c constraints.txt
 
-.PHONY: demo test lint clean
+.PHONY: demo test lint pictures clean
 
 demo: $(VENV)/demo.installed
 	$(BIN)/flipcar demo
@@ -17,6 +17,10 @@ lint: $(VENV)/dev.installed
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 	$(BIN)/lint-imports
+
+# The README's pictures and the charts' figures, drawn again; the viewer's needs a graphics driver.
+pictures: $(VENV)/dev.installed
+	$(BIN)/python -m train.pictures docs
 
 $(BIN)/python:
 	@$(PYTHON) -c 'import sys; sys.exit(sys.version_info < (3, 11) and "FlipCar needs Python 3.11 or newer; set PYTHON=python3.11")'

@@ -35,7 +35,6 @@ HUGE = 1e300
 
 ERROR = "the state was no longer finite; it is left as it was before the step"
 
-
 NOBODY = np.zeros(0, np.int64)
 """Indices of no environment."""
 
@@ -62,7 +61,7 @@ class Core:
         start: kind of start, or "any"; or one for each environment.
         terrain: "level", "slope", "bumpy" or "ditch"; or one for each environment.
         randomize: whether each episode has a car of its own (`car`); or one for each environment.
-        obs: "egocentric", "state" or "privileged".
+        obs: "egocentric", "egocentric+action", "state" or "privileged".
         control_dt: s between actions.
         substeps: physics steps in each.
         method: contact method.
@@ -75,6 +74,8 @@ class Core:
         states: (n, k) their part that the future depends on.
         results: (n, RESULTS) their part that the last step has made.
         observed: (n, m) float32, the observations.
+        settings: arguments that are the same for all.
+        terrains: the kind of ground of each.
         grounds: the kinds of ground that there are, and who is on them.
         push: (p, PUSH) N s, of the last environment stepped alone: the impulse on each hull point.
     """
@@ -103,10 +104,18 @@ class Core:
         if one_of("method", method, METHODS) != "impulse":
             raise ValueError(f"method must be 'impulse' in the environment, got {method!r}")
         self.kinds = self.start_kinds(start)
-        terrains = self.names("terrain", terrain, grounds.KINDS)
+        self.terrains = self.names("terrain", terrain, grounds.KINDS)
         self.random = self.flags("randomize", randomize)
         self.obs_kind = obs
         self.control_dt = control_dt
+        self.settings: dict[str, Any] = {
+            "obs": obs,
+            "control_dt": control_dt,
+            "substeps": substeps,
+            "method": method,
+            "action_delay": action_delay,
+            "sensor_noise": sensor_noise,
+        }
         body = car.body()
         self.points = len(body.hull)
 
@@ -126,9 +135,9 @@ class Core:
                 action_delay,
                 sensor_noise,
             )
-            return Ground(model, surface, np.flatnonzero([one == kind for one in terrains]))
+            return Ground(model, surface, np.flatnonzero([one == kind for one in self.terrains]))
 
-        self.grounds = [ground(kind) for kind in dict.fromkeys(terrains)]
+        self.grounds = [ground(kind) for kind in dict.fromkeys(self.terrains)]
         self.observation_space = observe.space(obs)
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32)
         self.rows = np.zeros((n, r.width(self.observation_space.shape[0])))
@@ -260,6 +269,15 @@ class Core:
             task.step_many(ground.model, self.rows, actions, some)
         else:
             task.step(ground.model, ground.surface.field, self.rows, actions, some, push)
+
+    def pictures(self) -> np.ndarray:
+        """(n, height, width, 3) uint8: each environment's car as it is now."""
+        from . import picture
+
+        pictures = np.empty((self.n, picture.HEIGHT, picture.WIDTH, 3), np.uint8)
+        for ground in self.grounds:
+            pictures[ground.which] = picture.draw(self.states[ground.which], ground.surface)
+        return pictures
 
     def info(self, i: int, results: list[float]) -> dict[str, Any]:
         """The info of environment i after a step, from its results."""

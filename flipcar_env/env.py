@@ -40,6 +40,10 @@ class FlipCarEnv(gym.Env):
     | 6-8 | angular velocity, rad/s | -60 | 60 |
     | 9 | distance of the centre of mass from the ground, m | 0 | 150 |
 
+    `obs="egocentric+action"`: `Box((13,), float32)`, the same and, as 10-12, the last action that was given
+    (0 at a start). A car that is stuck looks the same at every step; one that knows what it has tried can
+    try something else.
+
     `obs="state"`: `Box((13,), float32)`, in world axes.
 
     | Num | Observation | Min | Max |
@@ -49,7 +53,7 @@ class FlipCarEnv(gym.Env):
     | 7-9 | velocity of the centre of mass, m/s | -60 | 60 |
     | 10-12 | angular velocity, rad/s | -60 | 60 |
 
-    `obs="privileged"`: `Box((62,), float32)`, everything, for a critic or a teacher.
+    `obs="privileged"`: `Box((68,), float32)`, everything, for a critic or a teacher.
 
     | Num | Observation | Min | Max |
     |-----|-------------|-----|-----|
@@ -60,6 +64,7 @@ class FlipCarEnv(gym.Env):
     | 53-55 | offset of the centre of mass, the same | -1 | 1 |
     | 56-60 | friction, restitution and torque limits, the same | -1 | 1 |
     | 61 | share of the time left | 0 | 1 |
+    | 62-67 | the last two actions, the newest last | -1 | 1 |
 
     ## Rewards
     The sum of four terms, each in `info["reward_terms"]`:
@@ -118,7 +123,7 @@ class FlipCarEnv(gym.Env):
     | start | "any" | kind of start |
     | terrain | "level" | kind of ground |
     | randomize | False | a car of its own for each episode |
-    | obs | "egocentric" | or "state", or "privileged" |
+    | obs | "egocentric" | or "egocentric+action", "state", "privileged" |
     | control_dt | 0.04 | s between actions |
     | substeps | 10 | physics steps in each |
     | method | "impulse" | contact method |
@@ -129,7 +134,10 @@ class FlipCarEnv(gym.Env):
     * v0: initial version.
     """
 
-    metadata: dict[str, Any] = {"render_modes": [], "render_fps": 25}  # noqa: RUF012 (Env declares it so)
+    metadata: dict[str, Any] = {  # noqa: RUF012 (Env declares it so)
+        "render_modes": ["rgb_array", "rerun"],
+        "render_fps": 25,
+    }
 
     def __init__(
         self,
@@ -144,8 +152,7 @@ class FlipCarEnv(gym.Env):
         action_delay: int = 0,
         sensor_noise: float = 0.0,
     ):
-        refuse_rendering(render_mode)
-        self.render_mode = None
+        self.render_mode = check_render_mode(render_mode, self.metadata["render_modes"])
         self.core = Core(
             1, start, terrain, randomize, obs, control_dt, substeps, method, action_delay, sensor_noise
         )
@@ -153,6 +160,11 @@ class FlipCarEnv(gym.Env):
         self.action_space = self.core.action_space
         self._name_parts()
         self._started = False
+        self._live: Any = None
+        if self.render_mode == "rerun":
+            from .recording import Live
+
+            self._live = Live(self)
 
     def _name_parts(self) -> None:
         self._results = self.core.results[0]
@@ -187,7 +199,10 @@ class FlipCarEnv(gym.Env):
             self.core.begin(FIRST, kinds)
         else:
             self.core.put_states(state, FIRST)
-        return self._observed.copy(), self.core.start_info(0)
+        info = self.core.start_info(0)
+        if self._live is not None:
+            self._live.begin(info)
+        return self._observed.copy(), info
 
     def step(self, action):
         """One control step. An action that is no three finite numbers is refused and changes nothing."""
@@ -195,13 +210,28 @@ class FlipCarEnv(gym.Env):
             raise gym.error.ResetNeeded("call reset() before step()")
         self.core.step(self.core.take(action, SHAPE, "action"))
         results = self._results.tolist()
+        info = self.core.info(0, results)
+        if self._live is not None:
+            self._live.go_on(info, action, results[REWARD])
         return (
             self._observed.copy(),
             results[REWARD],
             results[TERMINATED] != 0.0,
             results[TRUNCATED] != 0.0,
-            self.core.info(0, results),
+            info,
         )
+
+    def close(self) -> None:
+        """End the viewer, if there is one."""
+        if self._live is not None:
+            self._live.close()
+            self._live = None
+
+    def render(self) -> np.ndarray | None:
+        """A picture of the car as it is now, (360, 480, 3) uint8; None unless asked for by `render_mode`."""
+        if not self._started:
+            raise gym.error.ResetNeeded("call reset() before render()")
+        return self.core.pictures()[0] if self.render_mode == "rgb_array" else None
 
     def get_state(self) -> np.ndarray:
         """Everything that the future depends on, random stream and time included, as one array."""
@@ -243,11 +273,10 @@ def refuse_both(options: dict[str, Any]) -> None:
         raise ValueError(f"options must have start or state, got both: start is {options['start']!r}")
 
 
-def refuse_rendering(render_mode: Any) -> None:
-    """There is no way to render yet but recordings.
+def check_render_mode(render_mode: Any, known: list[str]) -> str | None:
+    """The render mode, if there is such a one.
 
     Raises:
-        ValueError: a render mode is asked for.
+        ValueError: there is not.
     """
-    if render_mode is not None:
-        raise ValueError(f"render_mode must be None, got {render_mode!r}; `flipcar play` records episodes")
+    return None if render_mode is None else one_of("render_mode", render_mode, known)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from solver.algebra import borrowed, entry
+from solver.algebra import borrowed, entry, keep_alive
 from solver.lanes import column, set_column
 from solver.trace import LANES, filled
 
@@ -71,6 +71,7 @@ def _forward(weights, sizes, squash, obs, actions):
         for lane in range(used):
             for k in range(3):
                 actions[row + lane, k] = before[k, lane]
+    keep_alive(first, second)
 
 
 def _packed(layers: list[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:

@@ -1,6 +1,6 @@
-"""Play one episode and keep it."""
+"""Play episodes and keep them. Recording only reads: the physics is bitwise that of an episode without."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from typing import Any
 
 import numpy as np
@@ -9,9 +9,12 @@ from solver.model import load
 from solver.rotation import to_matrix
 
 from . import reward
+from . import row as r
 from .env import FlipCarEnv
 from .episode import Episode
-from .row import LIMIT
+
+Frame = dict[str, Any]
+"""One row of an episode: its arrays' names, and values."""
 
 
 def play(
@@ -21,7 +24,7 @@ def play(
     options: dict[str, Any] | None = None,
     name: str = "",
 ) -> Episode:
-    """One episode, recorded. Recording only reads: the physics is bitwise that of an episode without.
+    """One episode.
 
     Args:
         env: the environment itself, not a wrapper (`gym.make(...).unwrapped`).
@@ -31,43 +34,95 @@ def play(
         name: of the policy, for titles.
     """
     obs, info = env.reset(seed=seed, options=options)
-    start = info.get("start", "state")
-    frames = [_frame(env, 0, np.zeros(3), info, 0.0)]
-    done = False
+    frames, done = [frame(env, info)], False
     while not done:
-        action = np.clip(np.asarray(policy(obs), dtype=np.float32), -1.0, 1.0)
-        obs, total, terminated, truncated, info = env.step(action)
-        frames.append(_frame(env, len(frames), action, info, total))
-        done = terminated or truncated
-    columns = {key: np.array([frame[key] for frame in frames]) for key in frames[0]}
-    terms = {term: columns.pop(term) for term in reward.TERMS}
-    return Episode(
-        **columns,
-        reward_terms=terms,
-        start=start,
-        policy=name,
-        is_success=info["is_success"],
-    )
+        obs, done = _step(env, policy(obs), frames)
+    return gathered(env, frames, name)
 
 
-def _frame(
-    env: FlipCarEnv, step: int, action: np.ndarray, info: dict[str, Any], total: float
-) -> dict[str, Any]:
-    dt = env.core.control_dt
-    state = env.get_state()
+def replay(env: FlipCarEnv, state: np.ndarray, actions: Iterable[np.ndarray], name: str = "") -> Episode:
+    """What these actions make of a state: to the bit what they made of it elsewhere, alone or in a batch.
+
+    Args:
+        env: with the same settings.
+        state: as `get_state` gives it.
+        actions: (3,) each, at most to the episode's end.
+        name: of the policy, for titles.
+    """
+    _obs, info = env.reset(options={"state": state})
+    frames = [frame(env, info)]
+    for action in actions:
+        _step(env, action, frames)
+    return gathered(env, frames, name)
+
+
+def _step(env: FlipCarEnv, action: np.ndarray, frames: list[Frame]) -> tuple[np.ndarray, bool]:
+    """Step, and keep a frame; returns the observation, and if the episode is over."""
+    obs, total, terminated, truncated, info = env.step(action)
+    frames.append(frame(env, info, action, total, frames[-1]))
+    return obs, terminated or truncated
+
+
+def frame(
+    env: FlipCarEnv,
+    info: dict[str, Any],
+    action: np.ndarray | None = None,
+    total: float = 0.0,
+    before: Frame | None = None,
+) -> Frame:
+    """What there is to keep of a control step, or of a start.
+
+    Args:
+        env: after the step, or the reset.
+        info: that it gave.
+        action: that was given; None at a start.
+        total: reward.
+        before: the frame before; None at a start.
+    """
+    dt, state = env.core.control_dt, env.get_state()
     x, quat, v, w = (np.array(a) for a in load(state))
+    given = np.zeros(3) if action is None else np.clip(np.asarray(action, np.float32), -1.0, 1.0)
+    delay = env.core.settings["action_delay"]
+    due = given if before is None or delay == 0 else before["given"][-delay]
     return {
-        "t": step * dt,
+        "t": 0.0 if before is None else before["step"] * dt + dt,
+        "step": 0 if before is None else before["step"] + 1,
+        "given": state[r.GIVEN : r.FORCES].reshape(-1, 3),
+        "start": info.get("start", "state") if before is None else before["start"],
         "x": x,
         "quat": quat,
         "v": v,
         "w": to_matrix(quat) @ w,
-        "action": action,
-        "torque": action * state[LIMIT : LIMIT + 3],
-        "force": env.contact_impulses() / dt if step else np.zeros((env.core.points, 3)),
+        "action": given,
+        "torque": due * state[r.LIMIT : r.LIMIT + 3],
+        "force": np.zeros((env.core.points, 3)) if before is None else env.contact_impulses() / dt,
         "tilt": info["tilt"],
         "energy": info["energy"],
         "work": info["work"],
         "reward": total,
+        "is_success": info["is_success"],
         **info["reward_terms"],
     }
+
+
+COLUMNS = ("t", "x", "quat", "v", "w", "action", "torque", "force", "tilt", "energy", "work", "reward")
+"""Of an episode, each an array of what the frames have."""
+
+
+def gathered(env: FlipCarEnv, frames: list[Frame], name: str = "") -> Episode:
+    """Frames as an episode.
+
+    Args:
+        env: that they are from.
+        frames: at least one.
+        name: of the policy, for titles.
+    """
+    return Episode(
+        **{key: np.array([one[key] for one in frames]) for key in COLUMNS},
+        reward_terms={term: np.array([one[term] for one in frames]) for term in reward.TERMS},
+        offset=env.get_state()[r.OFFSET : r.OFFSET + 3],
+        terrain=env.core.terrains[0],
+        start=frames[0]["start"],
+        policy=name,
+        is_success=frames[-1]["is_success"],
+    )

@@ -2,17 +2,19 @@
 
 import time
 from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecEnv
 
 from solver.errors import one_of
 
 from . import row as r
 from . import starts
-from .core import Core
-from .env import FlipCarEnv, refuse_both
+from .core import Core, whole
+from .env import FlipCarEnv, check_render_mode, refuse_both
 
 KINDS = (*starts.KINDS, "any")
 
@@ -29,14 +31,15 @@ class FlipCarVecEnv(VecEnv):
         stagger: cut the first episodes short, each after another number of steps. Otherwise all that are
             not won run out of time together, again and again: a batch of one phase of the task only.
             False for episodes that are the single environment's from the first.
-        **arguments: those of `gym.make_vec("FlipCar-v0", ...)`, but `render_mode` and `autoreset_mode`.
+        render_mode: "rgb_array" or None.
+        **arguments: those of `gym.make_vec("FlipCar-v0", ...)`, but `autoreset_mode`.
     """
 
     metadata = FlipCarEnv.metadata
 
-    def __init__(self, num_envs: int, stagger: bool = True, **arguments: Any):
+    def __init__(self, num_envs: int, stagger: bool = True, render_mode: str | None = None, **arguments: Any):
         self.core = Core(num_envs, **arguments)
-        self.render_mode = None
+        self.render_mode = check_render_mode(render_mode, ["rgb_array"])
         if not isinstance(stagger, bool):
             raise ValueError(f"stagger must be True or False, got {stagger!r}")
         self.stagger = stagger
@@ -137,8 +140,8 @@ class FlipCarVecEnv(VecEnv):
         """Nothing to release."""
 
     def get_images(self) -> Sequence[np.ndarray | None]:
-        """No picture of any environment."""
-        return [None] * self.num_envs
+        """A picture of each car as it is now; None unless asked for by `render_mode`."""
+        return list(self.core.pictures()) if self.render_mode == "rgb_array" else [None] * self.num_envs
 
     def get_attr(self, attr_name: str, indices: Any = None) -> list[Any]:
         """`start` of each environment; any other attribute is this object's, once for each index."""
@@ -178,3 +181,54 @@ class FlipCarVecEnv(VecEnv):
         self.core.put_states(self.core.check_states(state), np.array([i]))
         self._returns[i], self._lengths[i] = 0.0, 0
         self._limits[i] = np.inf  # it was the limit of the episode that this one replaces
+
+
+class RecordEpisodes(BaseCallback):
+    """Record every so-manyth episode of a training for rerun, each to a file of its own.
+
+    The first car's start and its actions are kept, no more; when its episode is over, another environment
+    replays it, to the bit. So the training goes on as it would without.
+
+    Args:
+        folder: for the recordings, each named by the training's steps at its end; made if it is not there.
+        every: episodes of all cars from one recording to the next.
+    """
+
+    def __init__(self, folder: str | Path, every: int = 100):
+        super().__init__()
+        self.every = whole("every", every, 1)
+        self.folder = Path(folder)
+
+    def _on_training_start(self) -> None:
+        cars = self.training_env.unwrapped
+        if not isinstance(cars, FlipCarVecEnv):
+            raise ValueError(f"the training's environment must be a FlipCarVecEnv, got {cars!r}")
+        self.core, self.over, self.due = cars.core, 0, 0
+        self.folder.mkdir(parents=True, exist_ok=True)
+        self.env = FlipCarEnv(**self.core.settings, terrain=self.core.terrains[0])
+        self.actions: list[np.ndarray] | None = None
+        self._begin()
+
+    def _begin(self) -> None:
+        if self.over >= self.due:
+            self.start, self.actions = self.core.states[0].copy(), []
+            self.due = self.over + self.every
+
+    def _on_step(self) -> bool:
+        dones = self.locals["dones"]
+        self.over += int(np.count_nonzero(dones))
+        if self.actions is not None:
+            self.actions.append(self.core.actions[0].copy())
+        if dones[0]:
+            if self.actions is not None:
+                self._keep(self.actions)
+                self.actions = None
+            self._begin()
+        return True
+
+    def _keep(self, actions: list[np.ndarray]) -> None:
+        from . import recording, rollout
+
+        name = f"{self.num_timesteps:010d}"
+        episode = rollout.replay(self.env, self.start, actions, f"after {name} steps")
+        recording.save(self.folder / f"{name}.rrd", [episode])

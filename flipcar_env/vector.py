@@ -12,7 +12,7 @@ from solver.errors import one_of
 from . import reward, starts
 from . import row as r
 from .core import ERROR, Core
-from .env import FlipCarEnv, refuse_both, refuse_rendering
+from .env import FlipCarEnv, check_render_mode, refuse_both
 
 
 class FlipCarVectorEnv(VectorEnv):
@@ -26,8 +26,8 @@ class FlipCarVectorEnv(VectorEnv):
         start: kind of start, or one for each environment.
         terrain: kind of ground, or one for each environment.
         randomize: whether each episode has a car of its own, or one truth for each environment.
-        obs: "egocentric", "state" or "privileged".
-        render_mode: None.
+        obs: "egocentric", "egocentric+action", "state" or "privileged".
+        render_mode: "rgb_array" or None.
         control_dt: s between actions.
         substeps: physics steps in each.
         method: contact method.
@@ -61,8 +61,7 @@ class FlipCarVectorEnv(VectorEnv):
         threads: int = 1,
         autoreset_mode: AutoresetMode | str = AutoresetMode.NEXT_STEP,
     ):
-        refuse_rendering(render_mode)
-        self.render_mode = None
+        self.render_mode = check_render_mode(render_mode, self.metadata["render_modes"])
         modes = [mode.value for mode in AutoresetMode]
         mode = autoreset_mode.value if isinstance(autoreset_mode, AutoresetMode) else autoreset_mode
         self.autoreset_mode = AutoresetMode(one_of("autoreset_mode", mode, modes))
@@ -231,6 +230,16 @@ class FlipCarVectorEnv(VectorEnv):
                 kinds[one] = starts.KINDS[int(self.core.rows[one, r.START])]
             infos["start"], infos["_start"] = kinds, began.copy()
         return infos
+
+    def render(self) -> tuple[np.ndarray, ...] | None:
+        """A picture of each car as it is now, (360, 480, 3) uint8; None unless asked for by `render_mode`.
+
+        Raises:
+            ValueError: there has been no reset yet.
+        """
+        if not self._started.all():
+            raise ValueError("environments must be reset before they are rendered")
+        return tuple(self.core.pictures()) if self.render_mode == "rgb_array" else None
 
     def get_state(self) -> np.ndarray:
         """(n, k): everything that the environments' futures depend on."""

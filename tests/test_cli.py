@@ -57,6 +57,10 @@ def test_play_and_eval(tmp_path):
     done = flipcar("play", "nominal", "--state", "state.npy", "--out", "x.rrd", cwd=tmp_path)
     assert "upright in" in done.stdout
     assert (tmp_path / "x.rrd").stat().st_size > 10_000
+    arguments = ("--start", "upright", "--terrain", "slope", "--out", "y.rrd")
+    done = flipcar("play", "nominal", "pd", "--compare", *arguments, cwd=tmp_path)
+    assert [line.split(",")[0] for line in done.stdout.splitlines()[:2]] == ["nominal", "pd"]
+    flipcar("play", "--grid", "--episodes", "3", *arguments, cwd=tmp_path)
     done = flipcar("eval", "--start", "side", "--episodes", "50", "--json", cwd=tmp_path)
     (result,) = json.loads(done.stdout)
     assert result["success"] > 0.9
@@ -74,6 +78,7 @@ def test_play_and_eval(tmp_path):
         ),
         (["chart", "tosses"], ["--data", "FLIPCAR_DATA"]),
         (["view", "missing.rrd"], ["flipcar: "]),
+        (["play", "nominal", "pd"], ["policies must be one", "--compare", "pd"]),
         (["play", "--out", "/nowhere/at/all.rrd"], ["/nowhere/at/all.rrd"]),
     ],
 )
@@ -84,6 +89,15 @@ def test_errors_are_one_line(arguments, words, tmp_path):
     line = done.stderr.strip().splitlines()[-1]
     for word in words:
         assert word in line
+
+
+def test_training_without_torch_says_what_to_install(tmp_path):
+    (tmp_path / "torch.py").write_text("raise ImportError('not here')\n")
+    env = {"PYTHONPATH": os.pathsep.join([str(tmp_path), os.environ.get("PYTHONPATH", "")])}
+    done = flipcar("train", "--out", "run", cwd=tmp_path, env=env, ok=False)
+    (line,) = done.stderr.strip().splitlines()
+    assert "pip install 'flipcar[train]'" in line
+    assert not (tmp_path / "run").exists()
 
 
 def test_version_and_help(tmp_path):

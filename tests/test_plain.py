@@ -380,7 +380,7 @@ def a_car_is_driven():
 
     policy = load_policy("nominal")
     seen = []
-    for obs_kind, ground in zip(observe.KINDS, ("level", "level", "ditch"), strict=True):
+    for obs_kind, ground in zip(observe.KINDS, ("level", "level", "ditch", "level"), strict=True):
         env = FlipCarEnv(obs=obs_kind, terrain=ground, randomize=ground != "level", substeps=4)
         for i, start in enumerate((*starts.KINDS, "any")):
             obs, info = env.reset(seed=i, options={"start": start})
@@ -415,6 +415,22 @@ def a_car_of_its_own_settles():
         env.step(np.ones(3))
     settle.SETTLE_TIME, settle.STILL = 0.04, 100.0
     return np.concatenate([env.get_state(), settle.settle(1).ravel()])
+
+
+@scene
+def a_car_is_drawn():
+    """On a plane and on a height field: small, as each node and pixel takes its time here."""
+    from flipcar_env import picture, terrain
+    from flipcar_env.core import Core
+
+    picture._offsets = lambda: np.arange(-6.0, 7.0) ** 3 / 12
+    core = Core(2, start="upright", terrain=("level", "ditch"))
+    core.begin(np.arange(2))
+    pictures = [
+        picture.draw(core.states[i : i + 1], terrain.surface(ground), 48, 36)
+        for i, ground in enumerate(core.terrains)
+    ]
+    return np.concatenate([np.ravel(pictures), terrain.surface("ditch").heights([0.0, 1.0], [0.5, 2.0])])
 
 
 # What the scenes miss: (file, function, line).

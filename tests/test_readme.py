@@ -10,10 +10,12 @@ BLOCKS = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
 
 
 def test_the_readme_has_code_for_each_layer():
-    assert len(BLOCKS) == 5
+    assert len(BLOCKS) == 6
 
 
-@pytest.mark.parametrize("block", BLOCKS, ids=["environment", "batch", "training", "solver", "ground"])
+@pytest.mark.parametrize(
+    "block", BLOCKS, ids=["environment", "batch", "training", "recording", "solver", "ground"]
+)
 def test_the_readmes_code_runs(block, capsys):
     names = {}
     exec(compile(block, "README.md", "exec"), names)

@@ -7,6 +7,7 @@ import gymnasium as gym
 import numpy as np
 import pytest
 from stable_baselines3 import PPO
+from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.vec_env import VecMonitor, VecNormalize
 
 from flipcar_env import FlipCarEnv, check_vec_env
@@ -179,3 +180,39 @@ def test_ppo_learns_on_it_wrapped_as_users_wrap_it():
     model.learn(2048)
     assert model.num_timesteps == 2048
     assert len(model.ep_info_buffer) > 0
+
+
+def test_a_recorded_training_is_the_same_and_what_is_recorded_has_happened(tmp_path, monkeypatch):
+    from flipcar_env import recording
+    from flipcar_env.sb3 import RecordEpisodes
+
+    kept, ended = [], []
+    save = recording.save
+    monkeypatch.setattr(
+        recording, "save", lambda path, episodes: (kept.extend(episodes), save(path, episodes))
+    )
+
+    class Watch(BaseCallback):
+        def _on_step(self):
+            if self.locals["dones"][0]:
+                ended.append(self.locals["infos"][0]["episode"])
+            return True
+
+    trained = []
+    for callbacks in ([], [Watch(), RecordEpisodes(tmp_path / "some", every=8)]):
+        env = FlipCarVecEnv(6, terrain=["slope", "level"] * 3, randomize=True, action_delay=1)
+        model = PPO("MlpPolicy", env, n_steps=200, batch_size=300, n_epochs=1, seed=1, device="cpu")
+        model.learn(6 * 800, callback=callbacks)
+        trained.append([p.detach().numpy() for p in model.policy.parameters()])
+    for a, b in zip(*trained, strict=True):
+        np.testing.assert_array_equal(a, b)
+    files = sorted((tmp_path / "some").iterdir())
+    assert len(files) == len(kept) >= 2
+    sums = [e["r"] for e in ended]
+    for episode in kept:
+        assert episode.terrain == "slope"
+        assert min(abs(episode.reward.sum() - r) for r in sums) < 1e-9
+    with pytest.raises(ValueError, match="FlipCarVecEnv"):
+        PPO("MlpPolicy", "CartPole-v1", device="cpu").learn(1, callback=RecordEpisodes(tmp_path))
+    with pytest.raises(ValueError, match="every"):
+        RecordEpisodes(tmp_path, every=0)

@@ -22,6 +22,7 @@ from flipcar_env.policy import load_policy
 from solver.chart.store import machine
 
 from . import flops
+from .evaluate import begun
 
 Row = dict[str, Any]
 Timed = Callable[[], float]
@@ -95,10 +96,8 @@ def _actions(phase: str, n: int, rng: np.random.Generator) -> np.ndarray:
 
 def _states(phase: str, n: int) -> np.ndarray:
     """(n, k) states in which cars begin a phase."""
-    core = Core(n, start="upright" if "rest" in phase or phase == "asleep" else "drop")
-    for i in range(n):
-        core.seed(i, i)
-    core.begin(np.arange(n))
+    start = "upright" if "rest" in phase or phase == "asleep" else "drop"
+    core = begun(np.arange(n), start=start)
     if phase == "in the air":
         core.states[:, r.MOTION + 2] += HIGH
     if phase in ("at rest, awake", "asleep"):  # let it settle
@@ -325,13 +324,13 @@ def learning(rounds: int) -> list[Row]:
     watch(model.policy, "forward", "network in rollouts")
     watch(model, "train", "updates")
     updates = max(1, rounds // 3)
-    size = model.n_steps * config.num_envs
+    size = model.n_steps * model.n_envs
     model.learn(size)
     spent.update(dict.fromkeys(spent, 0.0))
     before = time.perf_counter()
     model.learn(updates * size, reset_num_timesteps=False)
     total = time.perf_counter() - before
-    how = f"PPO as `flipcar train` has it, {config.num_envs} cars, {updates} updates of {size} steps"
+    how = f"PPO as `flipcar train` has it, {model.n_envs} cars, {updates} updates of {size} steps"
     rows = [
         _row("share of a PPO training's time", part, [100 * s / total], "%", how) for part, s in spent.items()
     ]

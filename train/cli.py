@@ -188,8 +188,10 @@ def calibrate(episodes: int = 2000, out: Path | None = None, json: bool = False)
 
 
 def play(
-    policy: tyro.conf.Positional[str] = "nominal",
+    policies: tyro.conf.Positional[tuple[str, ...]] = ("nominal",),
     /,
+    compare: bool = False,
+    grid: bool = False,
     start: START = "roof",
     terrain: TERRAIN = "level",
     randomize: bool = False,
@@ -198,25 +200,35 @@ def play(
     state: Path | None = None,
     out: Path = Path("flipcar-play.rrd"),
 ) -> None:
-    """Play episodes with a policy and record them.
+    """Play episodes with a policy and record them: one after another, side by side or all at once.
 
     Args:
-        policy: a shipped policy's name, or a file.
+        policies: a shipped policy's name, a file, or zero, random, pd, autoflip; several with --compare.
+        compare: from the same start, side by side.
+        grid: all cars in one scene.
         start: kind of start.
         terrain: kind of ground.
         randomize: a car of its own for each episode.
-        episodes: how many.
+        episodes: how many of each policy.
         seed: of the first.
         state: a saved state (.npy, from `get_state`) to start from instead.
         out: recording to write.
     """
     from flipcar_env import recording
 
-    recorded = _play(policy, [start] * episodes, seed, state, terrain=terrain, randomize=randomize)
-    recording.save(out, recorded)
+    if compare and grid:
+        raise ValueError("compare and grid are two layouts; give one of them")
+    if len(policies) > 1 and not (compare or grid):
+        raise ValueError(f"policies must be one unless --compare is given, got {' '.join(policies)}")
+    arguments: dict[str, Any] = {"terrain": terrain, "randomize": randomize}
+    recorded = [
+        one for policy in policies for one in _play(policy, [start] * episodes, seed, state, **arguments)
+    ]
+    save = recording.save_comparison if compare else recording.save_grid if grid else recording.save
+    save(out, recorded)
     for e in recorded:
         ended = "not recovered" if e.time_to_upright is None else f"upright in {e.time_to_upright:.2f} s"
-        print(f"start {e.start}: {ended}")
+        print(f"{e.policy}, start {e.start}: {ended}")
     print(f"recorded in {out}; watch it with: flipcar view {out}")
 
 
@@ -376,14 +388,22 @@ def warmup() -> None:
 
 
 def _play(policy: str, kinds: list[str], seed: int, state: Path | None, **arguments: Any) -> list:
-    """Episodes of a policy, one for each kind of start."""
+    """Episodes of a policy, or of an agent that has learned nothing, one for each kind of start."""
     import numpy as np
 
     from flipcar_env.env import FlipCarEnv
     from flipcar_env.rollout import play as run
 
-    drive: Policy = load_policy(policy)
-    env = FlipCarEnv(obs=drive.obs, **arguments)
+    from .assess import AGENTS
+
+    drive: Callable[[np.ndarray], np.ndarray]
+    if policy in AGENTS:
+        agent, obs = AGENTS[policy](), "egocentric"
+        drive = lambda seen: agent(seen[None])[0]  # noqa: E731
+    else:
+        drive = load_policy(policy)
+        obs = drive.obs
+    env = FlipCarEnv(obs=obs, **arguments)
     options = [{"start": kind} for kind in kinds]
     if state is not None:
         options = [{"state": np.load(state, allow_pickle=False)}]

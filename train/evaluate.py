@@ -113,7 +113,7 @@ def play(
     impulse, flips = np.zeros(core.n), np.zeros(core.n, np.int64)
     been_up = np.cos(core.results[:, r.TILT]) > UP
     fall = np.array([0.0, 0.0, GRAVITY * core.control_dt])
-    for going in progress(_going(core)):
+    for going in progress(unfinished(core)):
         core.actions[going] = agent(core.observed[going])
         before = core.states[going, r.MOTION + 7 : r.MOTION + 10]
         core.step(core.actions, going)
@@ -129,7 +129,7 @@ def play(
     return Played(seeds, starts, roll, pitch, success, steps, time, work, impulse, flips)
 
 
-def _going(core: Core) -> Iterator[np.ndarray]:
+def unfinished(core: Core) -> Iterator[np.ndarray]:
     """Before each control step, the environments whose episode is not over."""
     going = np.arange(core.n)
     while going.size:

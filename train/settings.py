@@ -27,7 +27,7 @@ from solver.errors import SolverError
 from solver.scene import Scene, State, from_kernel, to_kernel
 from solver.simulate import simulate
 
-from .evaluate import UNSEEN, wilson
+from .evaluate import UNSEEN, unfinished, wilson
 
 Row = dict[str, Any]
 
@@ -112,13 +112,10 @@ def _episodes(core: Core, kinds: list[str]) -> Iterator[np.ndarray]:
     for i in range(len(kinds)):
         core.seed(i, UNSEEN + i)
     core.begin(np.arange(len(kinds)), core.start_kinds(kinds))
-    going = np.arange(len(kinds))
-    while going.size:
+    for going in unfinished(core):
         yield going
         core.actions[going] = _policy()(core.observed[going])
         core.step(core.actions, going)
-        results = core.results[going]
-        going = going[(results[:, r.TERMINATED] == 0.0) & (results[:, r.TRUNCATED] == 0.0)]
 
 
 @cache
