@@ -8,7 +8,7 @@ import numpy as np
 
 from solver.algebra import axpy, entry, jit, matrix, product, put, scale, to_body, to_world
 from solver.field import foot
-from solver.model import gap_of, seen, store
+from solver.model import gap_if_below, seen, store
 
 from . import car, chance, task
 from . import row as r
@@ -155,7 +155,7 @@ def _lifted(ground, field, hull, x, quat, clear):
         view = seen(ground, matrix(quat), x)
         deepest = math.inf
         for k in range(hull.shape[0]):
-            deepest = min(deepest, gap_of(hull, k, field, view))
+            deepest = min(deepest, gap_if_below(hull, k, ground, field, view, deepest))
         x = (x[0], x[1], x[2] + clear - deepest)
         if abs(clear - deepest) < LIFTED:
             break

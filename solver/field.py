@@ -2,12 +2,13 @@
 
 h is a bicubic B-spline on a square grid, so it has two continuous derivatives. A field is a tuple
 
-    (c, x0, y0, 1/s, reach, bend)
+    (c, x0, y0, 1/s, reach, bend, level)
 
 of its coefficients, of which those of cell (i, j) are c[i:i+4, j:j+4]; the corner of cell (0, 0), m;
 cells per metre; the least radius of curvature of its hollows, m: no nearer do two of its normals meet
-above the ground; and the largest curvature of its hollows and humps, 1/m. c ends in three equal
-rows and columns on every side: beyond, h goes on as it is there, and nothing is cut off.
+above the ground; the largest curvature of its hollows and humps, 1/m; and the cosine of a slope that
+is nowhere exceeded. c ends in three equal rows and columns on every side: beyond, h goes on as it is
+there, and nothing is cut off.
 """
 
 from .algebra import borrowed, entry, jit, put2, put6, stage, vec2
@@ -27,7 +28,7 @@ def lent(field):
     """The field without its array's reference count; None stays None."""
     if field is None:
         return field  # not the literal: the other kind of call returns a tuple, from here too
-    return (borrowed(field[0]), field[1], field[2], field[3], field[4], field[5])
+    return (borrowed(field[0]), field[1], field[2], field[3], field[4], field[5], field[6])
 
 
 @jit
@@ -87,6 +88,17 @@ def height(field, x, y):
         _sum4(u[1], a_y, b_y, d_y, e_y) * (per_m * per_m),
         _sum4(u[0], a_yy, b_yy, d_yy, e_yy) * (per_m * per_m),
     )
+
+
+@jit
+def bounds(field, r):
+    """(least, most) that φ of a point can be, from its height over the field straight below: no foot, m.
+
+    That far it is to the surface at most, and no less than if the field rose towards the point at its
+    steepest; under the ground the other way round.
+    """
+    d = r[2] - height(field, r[0], r[1])[0]
+    return (field[6] * d, d) if d > 0.0 else (d, field[6] * d)
 
 
 @stage

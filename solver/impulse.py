@@ -50,6 +50,7 @@ from .model import (
     height_over,
     is_finite,
     load,
+    passes_over,
     seen,
     speed_of,
     store,
@@ -300,16 +301,19 @@ def _dipped(contacts, k, h, g0, s0, g1, s1, deepest, when):
 
 
 @stage
-def dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h):
+def dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h, sag):
     """When, in a step of h seconds, an OPEN point is deepest that has been below the surface in between.
 
     By the cubic through its gap and speed at both ends, of which neither is below. 0 if there is none.
+    No gap sags below the line between its ends by more than `sag`.
     """
     apart()
     field = ground[4]
     view, view1 = seen(ground, matrix(quat), x), seen(ground, matrix(quat1), x1)
     deepest, when = filled(view[3], -TOUCH), filled(view[3], 0.0)
     for k in range(hull.shape[0]):
+        if passes_over(hull, k, field, view, view1, sag):
+            continue
         g0, g1 = gap_of(hull, k, field, view), gap_of(hull, k, field, view1)
         s0, s1 = speed_of(hull, k, field, view, v, w), speed_of(hull, k, field, view1, v1, w1)
         deepest, when = _dipped(contacts, k, h, g0, s0, g1, s1, deepest, when)
@@ -468,13 +472,14 @@ def near(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, push
         t = rest
         clear -= reach(bound, v, w, 0.5 * rest) + reach(bound, v1, w1, 0.5 * rest)
         if clear <= TOUCH:
-            clear = clearance(hull, ground, quat1, x1, contacts)
+            sag = sagitta(ground[4], bound, a, v, w, v1, w1, rest)
+            clear = clearance(hull, ground, quat1, x1, contacts, sag)
             end = rest
-            if -TOUCH <= clear < sagitta(ground[4], bound, a, v, w, v1, w1, rest):
-                end = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, rest)
+            if -TOUCH <= clear < sag:
+                end = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, rest, sag)
                 if end > 0.0:
                     there = trial(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, end)
-                    clear = clearance(hull, ground, there[1], there[0], contacts)
+                    clear = clearance(hull, ground, there[1], there[0], contacts, TOUCH)
                     if clear < -TOUCH:
                         x1, quat1, v1, w1, n = there
                     else:  # the cubic was wrong: take the whole step again

@@ -175,11 +175,12 @@ def steady(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, n,
     clear = clear - (reach(bound, v, w, 0.5 * h) + reach(bound, v1, w1, 0.5 * h))
     low = no(clear > TOUCH)
     if some(low):
-        clear = where(low, clearance(hull, ground, quat1, x1, contacts), clear)
+        clear = where(low, clearance(hull, ground, quat1, x1, contacts, TOUCH), clear)
         ok = ok & no(low & (clear < -TOUCH))
-        close = ok & low & (clear < sagitta(None, bound, a, v, w, v1, w1, h))
+        sag = sagitta(None, bound, a, v, w, v1, w1, h)
+        close = ok & low & (clear < sag)
         if some(close):
-            when = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h)
+            when = dip(hull, ground, x, quat, v, w, x1, quat1, v1, w1, contacts, h, sag)
             ok = ok & no(close & (when > 0.0))
     for c in range(int(largest(n))):
         ok = _pushes(rows, c, n, ok)
@@ -188,7 +189,7 @@ def steady(body, hull, ground, law, a, torque, x, quat, v, w, contacts, rows, n,
     clear = clear - moved
     low = no(moved == 0.0) & no(clear > TOUCH)
     if some(low):
-        clear = where(low, clearance(hull, ground, quat1, x1, contacts), clear)
+        clear = where(low, clearance(hull, ground, quat1, x1, contacts, TOUCH), clear)
         ok = ok & no(low & (clear < -SHARED_TOLERANCE))
 
     ok = where(high, bare, ok)

@@ -14,7 +14,7 @@ import numpy as np
 
 from .algebra import axpy, cross, dot, jit, put, put_quat, to_body, to_world, vec, vec2
 from .contact import normal_speed
-from .field import foot, height, lent, times_symmetric
+from .field import bounds, foot, lent, times_symmetric
 from .trace import traced
 
 TOUCH = 1e-9
@@ -92,13 +92,19 @@ def seen(ground, R, x):
     return R, x, frame, height_over(ground, x)
 
 
+@traced
+def centre(hull, k, view):
+    """Hull point k, not its contact point, in world axes, m."""
+    return axpy(1.0, view[1], to_world(view[0], vec2(hull, k, 0)))
+
+
 @jit
 def meet(hull, k, field, view):
     """(φ, N, H) of hull point k: its gap, the normal in body axes, the Hessian of φ in world axes."""
-    R, x, frame, height = view
+    R, _x, frame, height = view
     if field is None:
         return gap(hull, k, frame[0], height), frame[0], FLAT
-    phi, N, H = foot(field, axpy(1.0, x, to_world(R, vec2(hull, k, 0))))
+    phi, N, H = foot(field, centre(hull, k, view))
     return phi - hull[k, 3], to_body(R, N), H
 
 
@@ -112,16 +118,25 @@ def gap_of(hull, k, field, view):
 def gap_if_below(hull, k, ground, field, view, limit):
     """φ of hull point k, m, or over a height field, if it is certain to be above `limit`, ∞.
 
-    Nothing of the field is above the ground's plane, or steeper than 60°. So φ is at least the height over
-    that plane, and half the height over the field straight below, either of which costs less than its foot.
+    Nothing of the field is above the ground's plane. So φ is at least the height over that, and what its
+    height over the field straight below allows, either of which costs less than its foot.
     """
     if field is None:
         return gap(hull, k, view[2][0], view[3])
-    r = axpy(1.0, view[1], to_world(view[0], vec2(hull, k, 0)))
+    r = centre(hull, k, view)
     most = limit + hull[k, 3]
-    if r[2] - ground[3] > most or 0.5 * (r[2] - height(field, r[0], r[1])[0]) > most:
+    if r[2] - ground[3] > most or bounds(field, r)[0] > most:
         return np.inf
     return foot(field, r)[0] - hull[k, 3]
+
+
+@jit
+def passes_over(hull, k, field, view, view1, sag):
+    """Is hull point k certain to stay over the field between two poses, if it sags by `sag` at most, m?"""
+    if field is None:
+        return False
+    low = min(bounds(field, centre(hull, k, view))[0], bounds(field, centre(hull, k, view1))[0])
+    return low - hull[k, 3] > sag
 
 
 @jit

@@ -4,8 +4,9 @@ import numpy as np
 
 from .algebra import apart, axpy, cross, dot, jit, matrix, put2, scale, stage, to_body, to_world, vec2
 from .contact import inverse_mass, shift
+from .field import bounds
 from .flight import turn
-from .model import CLOSED, OPEN, TOUCH, arm, gap, gap_if_below, height_over, meet, seen
+from .model import CLOSED, OPEN, TOUCH, arm, centre, gap, gap_if_below, height_over, meet, seen
 from .sweep import HELD, POINT, RHO, RISE, ROLL, B, stand
 from .trace import filled, largest, least, most, no, some, sqrt, traced, where
 
@@ -24,22 +25,54 @@ def certain(field, g, radius):
 
 
 @jit
-def clearance(hull, ground, quat, x, contacts):
-    """Gap of the OPEN point that is deepest, or what is certain of it; inf if none is open."""
-    return clearance_over(hull, ground, ground[4], seen(ground, matrix(quat), x), contacts)
+def clearance(hull, ground, quat, x, contacts, enough):
+    """Gap of the OPEN point that is deepest, or what is certain of it; inf if none is open.
+
+    Over a height field less is said where that is more than `enough`, too: it costs less.
+    """
+    return clearance_over(hull, ground, ground[4], seen(ground, matrix(quat), x), contacts, enough)
 
 
 @jit
-def clearance_over(hull, ground, field, view, contacts):
+def clearance_over(hull, ground, field, view, contacts, enough):
     """`clearance` from a view of the ground."""
+    if field is not None:
+        return clearance_on_field(hull, ground, view, contacts, enough)
     deepest = filled(view[3], np.inf)
     for k in range(hull.shape[0]):
-        if field is None:
-            deepest = _deeper(hull, k, view[2][0], view[3], contacts, deepest)
-        elif contacts[k, 0] == OPEN:
-            g = gap_if_below(hull, k, ground, field, view, deepest)
-            deepest = min(deepest, certain(field, g, hull[k, 3]))
+        deepest = _deeper(hull, k, view[2][0], view[3], contacts, deepest)
     return deepest
+
+
+@stage
+def clearance_on_field(hull, ground, view, contacts, enough):
+    """The same over a height field."""
+    apart()
+    low, limit = _between(hull, ground, view, contacts)
+    if low > enough:
+        return low
+    deepest = np.inf
+    for k in range(hull.shape[0]):
+        if contacts[k, 0] == OPEN:
+            g = gap_if_below(hull, k, ground, ground[4], view, min(limit, deepest))
+            deepest = min(deepest, certain(ground[4], g, hull[k, 3]))
+    return deepest
+
+
+@jit
+def _between(hull, ground, view, contacts):
+    """(least, most) that the gap of the OPEN point can be that is deepest, m, over a height field."""
+    low, high = np.inf, np.inf
+    for k in range(hull.shape[0]):
+        if contacts[k, 0] == OPEN:
+            r = centre(hull, k, view)
+            over = r[2] - ground[3] - hull[k, 3]
+            if over < high:  # nothing of the field is above the ground's plane
+                least_, most_ = bounds(ground[4], r)
+                low, high = min(low, least_ - hull[k, 3]), min(high, most_ - hull[k, 3])
+            else:
+                low = min(low, over)
+    return low, high
 
 
 @traced
@@ -51,11 +84,17 @@ def _deeper(hull, k, N_b, height, contacts, deepest):
 @jit
 def lowest_open(hull, ground, quat, x, contacts):
     """Index and gap of the OPEN point that is deepest; (-1, inf) if none is open."""
-    view = seen(ground, matrix(quat), x)
+    return lowest_open_over(hull, ground, ground[4], seen(ground, matrix(quat), x), contacts)
+
+
+@jit
+def lowest_open_over(hull, ground, field, view, contacts):
+    """`lowest_open` from a view of the ground."""
     deepest, at = np.inf, -1
+    limit = np.inf if field is None else _between(hull, ground, view, contacts)[1]
     for k in range(hull.shape[0]):
         if contacts[k, 0] == OPEN:
-            g = gap_if_below(hull, k, ground, ground[4], view, deepest)
+            g = gap_if_below(hull, k, ground, field, view, min(limit, deepest))
             if g < deepest:
                 deepest, at = g, k
     return at, deepest
@@ -87,7 +126,7 @@ def project(body, hull, ground, x, quat, w, contacts, rows, n, clear):
         clear -= moved
         if moved == 0.0 or clear > TOUCH:
             break
-        clear = clearance(hull, ground, quat, x, contacts)
+        clear = clearance(hull, ground, quat, x, contacts, TOUCH)
         if clear >= -SHARED_TOLERANCE:
             break
         view = seen(ground, matrix(quat), x)

@@ -110,7 +110,7 @@ class HeightField:
             reach = float(1.0 / np.float64(self.valley))
         self.field = (
             np.ascontiguousarray(c), float(corner[0]), float(corner[1]), 1.0 / self.spacing,
-            reach, max(self.valley, self.bump),
+            reach, max(self.valley, self.bump), _level(c, self.spacing),
         )  # fmt: skip
         for array in (self.origin, self.grid, self.parameters, self.field[0]):
             array.setflags(write=False)
@@ -208,6 +208,15 @@ def _extremes(c: np.ndarray, spacing: float) -> tuple[float, float, float]:
             valley = np.maximum(valley, (mean + spread).max())
             bump = np.maximum(bump, (spread - mean).max())
     return float(slope), float(valley), float(bump)
+
+
+def _level(c: np.ndarray, spacing: float) -> float:
+    """Cosine of a slope that is nowhere exceeded.
+
+    A spline's slopes are means of the differences between its coefficients, with positive weights.
+    """
+    steep = np.hypot(np.abs(np.diff(c, axis=0)).max(), np.abs(np.diff(c, axis=1)).max()) / spacing
+    return float(1.0 / np.hypot(1.0, steep))
 
 
 def _bumpy(height=0.05, spacing=1.0, size=40.0, seed=0):

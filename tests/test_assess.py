@@ -152,7 +152,11 @@ def test_eval_writes_figures_and_failures_that_can_be_replayed(tmp_path, capsys)
     assert len(failures) == assess.FAILURES
     from matplotlib.image import imread
 
-    assert np.ptp(imread(tmp_path / "success-level.png")[..., :3]) > 0.5
+    assert np.ptp(imread(tmp_path / "success.png")[..., :3]) > 0.5
+    with (tmp_path / "success.csv").open(newline="") as file:
+        cells = list(csv.DictReader(file))
+    assert sum(int(cell["starts"]) for cell in cells) == 60
+    assert sum(int(cell["recovered"]) for cell in cells) == round(30 * sum(row["success"] for row in rows))
     out = tmp_path / "again.rrd"
     cli.main(["play", "nominal", "--state", str(failures[0]), "--out", str(out)])
     assert "upright in" in capsys.readouterr().out

@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from oracle import random_body, random_quat, turned
 
 from solver import Body, HeightField, Plane, Scene, State, simulate
-from solver.field import tangents
+from solver.field import bounds, tangents
+from solver.model import MEMORY, load, unpack
+from solver.project import clearance, lowest_open
+from solver.scene import to_kernel
 
 UPRIGHT = [1, 0, 0, 0]
 ZERO = [0, 0, 0]
@@ -59,6 +62,42 @@ def test_distance_normal_and_curvature(seed, far):
     np.testing.assert_allclose(
         derivative(lambda r: field.feet(r)[:, 1:4], points), H, rtol=0, atol=1e-3 * (1 + np.abs(H).max())
     )
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(0.01, 0.15))
+@settings(max_examples=40, deadline=None, derandomize=True)
+def test_the_height_straight_below_bounds_the_distance(seed, slope):
+    """Above and under the ground: what is looked at no closer has no part in a contact."""
+    rng = np.random.default_rng(seed)
+    field, feet, _N = hills(rng, slope=slope)
+    points = feet + np.column_stack([np.zeros((60, 2)), rng.normal(size=60) * 10 ** rng.uniform(-4, 0, 60)])
+    for r, phi in zip(points, field.distance(points), strict=True):
+        low, high = bounds(field.field, tuple(r))
+        assert low - 1e-13 <= phi <= high + 1e-13
+
+
+@given(st.integers(0, 2**32 - 1), st.floats(-0.02, 0.02))
+@settings(max_examples=60, deadline=None, derandomize=True)
+def test_the_deepest_point_is_found_without_a_foot_for_each(seed, depth):
+    """Wherever the body is: over, on or in the ground; and no clearance promises more than there is."""
+    rng = np.random.default_rng(seed)
+    field, _feet, _N = hills(rng, slope=0.15)
+    scene = Scene(random_body(rng, 8), field)
+    state = State([*rng.uniform(-5, 5, 2), 3.0], random_quat(rng), ZERO, ZERO)
+    for _ in range(20):
+        state.x[2] += depth - scene.gap(state).min()
+    gaps = scene.gap(state)
+    body, hull, ground, _law = scene.parameters
+    ground = unpack(body, ground)[1]
+    x, quat, _v, _w = load(to_kernel(scene.body, state)[0])
+    contacts = np.zeros((8, MEMORY))
+    k, least = lowest_open(hull, ground, quat, x, contacts)
+    assert k == gaps.argmin()
+    assert least == pytest.approx(gaps.min(), abs=1e-13)
+    for enough in (0.0, 0.01, np.inf):
+        clear = clearance(hull, ground, quat, x, contacts, enough)
+        assert clear <= gaps.min() + 1e-13
+        assert clear > enough or clear == pytest.approx(gaps.min(), abs=1e-13)
 
 
 def test_no_point_of_the_surface_is_nearer():

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from . import heatmap
 from .agents import DIRECTIONS, Agent, autoflip, constant, pd, random, zero
 from .evaluate import UNSEEN, Played, play, stratified, summary, wilson
 from .search import search
@@ -54,11 +55,11 @@ def policy_rows(
         terrains: kinds of ground.
         episodes: of each.
         seed: first of those that starts are drawn from.
-        out: folder for evaluation.json, heat maps of success over roll and pitch, and failing starts.
+        out: folder for evaluation.json, success over roll and pitch as CSV and heat map, and failing starts.
         progress: of the control steps of what has a name.
         arguments: the environment's.
     """
-    rows = []
+    rows, cells = [], []
     for terrain in terrains:
         played = []
         for start in starts:
@@ -70,12 +71,11 @@ def policy_rows(
             played.append(one)
             if out is not None:
                 _keep_failures(out / "failures", f"{terrain}-{start}", one)
-        if out is not None:
-            from .heatmap import draw
-
-            draw(played, out / f"success-{terrain}.png", terrain)
+        cells += heatmap.cells(terrain, played)
     if out is not None:
         out.mkdir(parents=True, exist_ok=True)
+        write(out / "success.csv", cells)
+        heatmap.draw(cells, out / "success.png")
         (out / "evaluation.json").write_text(json.dumps(rows, indent=2) + "\n")
     return rows
 

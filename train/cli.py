@@ -106,7 +106,7 @@ def evaluate(
         randomize: a car of its own for each episode.
         episodes: of each kind on each terrain.
         seed: of the first start.
-        out: folder for evaluation.json, heat maps of success, and states of the starts that failed.
+        out: folder for evaluation.json, success over roll and pitch, and states of the starts that failed.
         json: print JSON.
     """
     from . import assess
@@ -137,7 +137,7 @@ def evaluate(
     for row in rows:
         print(assess.line(row))
     if out is not None:
-        print(f"in {out}: evaluation.json, a heat map for each terrain, failures")
+        print(f"in {out}: evaluation.json, success.csv and its heat map, failures")
 
 
 def search(

@@ -2,6 +2,7 @@
 
 import os
 from collections.abc import Callable, Iterable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from math import sqrt
 from typing import Any, NamedTuple
 
@@ -9,6 +10,7 @@ import numpy as np
 
 from flipcar_env import row as r
 from flipcar_env.core import GRAVITY, Core
+from flipcar_env.policy import Policy
 
 UNSEEN = 1_000_000_000
 """First seed of evaluations; training uses small ones."""
@@ -107,14 +109,18 @@ def play(
         progress: of the control steps.
         arguments: the environment's.
     """
-    core = begun(seeds, threads=os.cpu_count() or 1, **arguments)
+    threads = os.cpu_count() or 1
+    core = begun(seeds, threads=threads, **arguments)
     starts = core.states.copy()
     roll, pitch = attitude(starts)
     impulse, flips = np.zeros(core.n), np.zeros(core.n, np.int64)
     been_up = np.cos(core.results[:, r.TILT]) > UP
     fall = np.array([0.0, 0.0, GRAVITY * core.control_dt])
+    pool = ThreadPoolExecutor(threads)
     for going in progress(unfinished(core)):
-        core.actions[going] = agent(core.observed[going])
+        # only a policy's actions do not depend on who else is asked
+        shares = np.array_split(going, threads) if isinstance(agent, Policy) else [going]
+        core.actions[going] = np.concatenate(list(pool.map(agent, [core.observed[some] for some in shares])))
         before = core.states[going, r.MOTION + 7 : r.MOTION + 10]
         core.step(core.actions, going)
         gained = core.states[going, r.MOTION + 7 : r.MOTION + 10] - before + fall
@@ -123,6 +129,7 @@ def play(
         upright = np.cos(core.results[going, r.TILT])
         flips[going] += been_up[going] & (upright < DOWN)
         been_up[going] = (upright > UP) | (been_up[going] & (upright >= DOWN))
+    pool.shutdown()
     success = core.results[:, r.SUCCESS] > 0.0
     steps, work = core.rows[:, r.STEPS].copy(), core.rows[:, r.WORK].copy()
     time = np.where(success, steps * core.control_dt, np.nan)

@@ -20,6 +20,10 @@ DRAWN, LEFT, TOP, FRAME = (640, 480), 155, 100, (370, 270)
 """Pixels that are drawn of a moment, and what is shown of them."""
 
 
+MENU = 37
+"""Pixels of the viewer's menu."""
+
+
 def recovery(path: Path) -> None:
     """A strip of moments of a recovery from the roof by the shipped policy."""
     import matplotlib
@@ -77,6 +81,14 @@ def viewer(path: Path, at: float = 1.4) -> None:
             client.save_screenshot(str(path.absolute()))
         finally:
             end(process)
+    without_menu(path)
+
+
+def without_menu(path: Path) -> None:
+    """Cut off the viewer's own menu: it tells of this machine."""
+    import matplotlib.image
+
+    matplotlib.image.imsave(path, matplotlib.image.imread(path)[MENU:], metadata={"Software": None})
 
 
 def _patiently(call, seconds: float = 30.0):
@@ -92,11 +104,16 @@ def _patiently(call, seconds: float = 30.0):
 
 
 def main(folder: Path) -> None:
-    """Draw them all; the charts from what is measured, the others from what the shipped policy does."""
-    from solver.chart import study
+    """Draw them all; charts and maps from what is measured, the others from what the shipped policy does."""
+    from solver.chart import store, study
+
+    from . import heatmap, settings_plot
 
     recovery(folder / "recovery.png")
     viewer(folder / "viewer.png")
+    for file in sorted(folder.glob("task/*/success.csv")):
+        heatmap.draw(store.read(file), file.with_suffix(".png"))
+    settings_plot.draw(store.read(folder / "settings" / "settings.csv"), folder / "settings" / "settings.svg")
     study.draw(folder / "chart")
 
 
