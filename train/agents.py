@@ -1,6 +1,6 @@
 """Agents that have learned nothing: the task is measured by what they reach.
 
-Each maps observations (n, 10), "egocentric", to actions (n, 3).
+Each maps observations (n, 10 or more), "egocentric" or with the action, to actions (n, 3).
 """
 
 from collections.abc import Callable

@@ -122,14 +122,14 @@ def evaluate(
     if agent == "constant":
         rows = assess.constant_rows(start, terrain, episodes, **arguments)
     elif agent == "search":
-        rows = assess.found(
-            assess.search_rows(load_policy(policy), start, terrain, episodes, bar, **arguments)
-        )
+        drive = _guide(policy)
+        arguments["obs"] = drive.obs
+        rows = assess.found(assess.search_rows(drive, start, terrain, episodes, bar, **arguments))
     else:
-        drive = assess.AGENTS[agent]() if agent else load_policy(policy)
-        arguments["obs"] = drive.obs if isinstance(drive, Policy) else "egocentric"
+        player = assess.AGENTS[agent]() if agent else load_policy(policy)
+        arguments["obs"] = player.obs if isinstance(player, Policy) else "egocentric"
         first = UNSEEN if seed is None else seed
-        rows = assess.policy_rows(drive, start, terrain, episodes, first, out, bar, **arguments)
+        rows = assess.policy_rows(player, start, terrain, episodes, first, out, bar, **arguments)
     if json:
         print(json_module.dumps(rows, indent=2))
         return
@@ -159,8 +159,12 @@ def search(
     """
     from . import assess
 
-    drive = load_policy(policy)
-    rows = assess.search_rows(drive, start, terrain, episodes, lambda groups, name: tqdm(groups, desc=name))
+    drive = _guide(policy)
+
+    def bar(groups, name):
+        return tqdm(groups, desc=name)
+
+    rows = assess.search_rows(drive, start, terrain, episodes, bar, obs=drive.obs)
     assess.write(out, rows)
     for row in assess.found(rows):
         print(assess.line(row))
@@ -385,6 +389,16 @@ def warmup() -> None:
     core.step(drive(core.observations()))
     core.put_states(core.states.copy(), np.arange(core.n))
     print(f"ready in {time.perf_counter() - before:.1f} s")
+
+
+def _guide(policy: str) -> Policy:
+    """A policy that sees what the search's own agents do."""
+    drive = load_policy(policy)
+    if not drive.obs.startswith("egocentric"):
+        raise ValueError(
+            f"policy must observe 'egocentric' or 'egocentric+action' to guide a search, got {drive.obs!r}"
+        )
+    return drive
 
 
 def _play(policy: str, kinds: list[str], seed: int, state: Path | None, **arguments: Any) -> list:

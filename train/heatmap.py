@@ -49,16 +49,17 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
 
     matplotlib.use("Agg")
     import matplotlib.pyplot as plt
+    from matplotlib.cm import ScalarMappable
     from matplotlib.colors import ListedColormap, LogNorm
 
     terrains = list(dict.fromkeys(row["terrain"] for row in rows))
     columns = min(2, len(terrains))
     lines = -(-len(terrains) // columns)
+    shades = LogNorm(FEWEST, 100.0)
     figure, panels = plt.subplots(
         lines, columns, figsize=(1.0 + 4.6 * columns, 0.4 + 2.6 * lines), squeeze=False, layout="constrained",
         sharex=True, sharey=True,
     )  # fmt: skip
-    image = None
     for axes, terrain in zip(panels.flat, terrains, strict=False):
         n, won = np.zeros((2, len(ROLLS) - 1, len(PITCHES) - 1))
         for row in rows:
@@ -67,17 +68,17 @@ def draw(rows: Sequence[dict[str, Any]], path: Path) -> None:
                 n[at], won[at] = int(row["starts"]), int(row["recovered"])
         axes.pcolormesh(ROLLS, PITCHES, np.where(n > 0, 1.0, np.nan).T, cmap=ListedColormap([SEEN]))
         failed = 100.0 * (n - won) / np.maximum(n, 1.0)
-        image = axes.pcolormesh(
-            ROLLS, PITCHES, np.where(failed > 0, np.maximum(failed, FEWEST), np.nan).T,
-            norm=LogNorm(FEWEST, 100.0), cmap="cividis_r",
-        )  # fmt: skip
+        failed = np.where(failed > 0, np.maximum(failed, FEWEST), np.nan)
+        axes.pcolormesh(ROLLS, PITCHES, failed.T, norm=shades, cmap="cividis_r")
         axes.set(xticks=ROLLS[::6], yticks=PITCHES[::3], facecolor="white")
         axes.set_title(f"{terrain}: {won.sum() / n.sum():.2%} of {int(n.sum()):,} recovered", fontsize=11)
     for axes in panels[-1]:
         axes.set_xlabel("roll of the start, degrees")
     for axes in panels[:, 0]:
         axes.set_ylabel("pitch, degrees")
-    bar = figure.colorbar(image, ax=panels, ticks=[0.1, 1, 10, 100], format="%g")
+    bar = figure.colorbar(
+        ScalarMappable(shades, "cividis_r"), ax=panels, ticks=[0.1, 1, 10, 100], format="%g"
+    )
     bar.set_label("failed, % (grey: none; white: no start)")
     path.parent.mkdir(parents=True, exist_ok=True)
     figure.savefig(path, dpi=100, metadata={"Software": None})

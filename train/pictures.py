@@ -88,7 +88,7 @@ def without_menu(path: Path) -> None:
     """Cut off the viewer's own menu: it tells of this machine."""
     import matplotlib.image
 
-    matplotlib.image.imsave(path, matplotlib.image.imread(path)[MENU:], metadata={"Software": None})
+    matplotlib.image.imsave(path, matplotlib.image.imread(path)[MENU:])
 
 
 def _patiently(call, seconds: float = 30.0):
