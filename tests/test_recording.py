@@ -3,6 +3,7 @@
 import ipaddress
 import os
 import subprocess
+import sys
 import time
 from itertools import pairwise
 from pathlib import Path
@@ -20,6 +21,7 @@ from flipcar_env.core import Core
 from flipcar_env.env import FlipCarEnv
 from flipcar_env.episode import PHASES, Episode, hull_points, phases, touching
 from flipcar_env.recording import entities
+from flipcar_env.recording.viewer import command
 from flipcar_env.rollout import play, replay
 from solver.rotation import to_matrix
 
@@ -355,6 +357,33 @@ def test_a_file_that_is_not_finished_is_not_there(tmp_path, monkeypatch):
 # ------------------------------------------------------------------------------- recording as one goes
 
 
+def test_a_process_that_is_killed_leaves_readable_files(tmp_path):
+    program = f"""
+import gymnasium as gym
+from flipcar_env.recording import RerunRecorder
+env = RerunRecorder(gym.make("FlipCar-v0", start="upright"), {str(tmp_path)!r})
+while True:
+    env.reset()
+    over = False
+    while not over:
+        *_, terminated, truncated, _ = env.step([0.0, 0.0, 0.0])
+        over = terminated or truncated
+"""
+    process = subprocess.Popen([sys.executable, "-c", program])
+    try:
+        while not (tmp_path / "episode-000003.rrd").exists():
+            assert process.poll() is None
+            time.sleep(0.01)
+    finally:
+        process.kill()
+        process.wait()
+    files = sorted(tmp_path.glob("*.rrd"))
+    assert len(files) >= 4
+    for file in files:
+        _, rows = read(file, "/status", "TextDocument:text")
+        assert "**Recovered**" in rows[-1][0]
+
+
 def test_the_recorder_changes_no_bit_and_keeps_every_third(tmp_path):
     rng = np.random.default_rng(0)
     driven = rng.uniform(-1, 1, (400, 3)).astype(np.float32)
@@ -555,6 +584,15 @@ def test_view_without_a_screen_says_what_to_do(tmp_path, monkeypatch):
     with pytest.raises(RuntimeError, match=r"run `rerun a\.rrd`") as error:
         recording.view(tmp_path / "a.rrd")
     assert "\n" not in str(error.value)
+
+
+def test_without_a_viewer_it_says_what_to_do(tmp_path, monkeypatch):
+    monkeypatch.setattr(rerun_cli, "__file__", str(tmp_path / "__init__.py"))
+    with pytest.raises(RuntimeError, match="pip install --force-reinstall rerun-sdk") as error:
+        gym.make("FlipCar-v0", render_mode="rerun")
+    assert "\n" not in str(error.value)
+    (tmp_path / "rerun.exe").touch()
+    assert command("a.rrd")[0] == str(tmp_path / "rerun.exe")
 
 
 @pytest.mark.parametrize("variable", ["DISPLAY", "WAYLAND_DISPLAY"])

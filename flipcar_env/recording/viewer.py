@@ -10,8 +10,8 @@ import rerun_cli
 
 LOOPBACK = "127.0.0.1"
 
-BINARY = Path(rerun_cli.__file__).parent / "rerun"
-"""`rerun` on the PATH is a wrapper that may leave the viewer behind when it is interrupted."""
+PLACES = ("rerun", "rerun.exe", "Rerun.app/Contents/MacOS/Rerun")
+"""Of the viewer in its package, by platform."""
 
 KEPT = "256MB"
 """Of what a server holds for a viewer that joins late; it forgets the oldest."""
@@ -28,8 +28,18 @@ def has_display() -> bool:
 
 
 def command(*arguments: str, port: str = "auto") -> list[str]:
-    """The viewer's command line: by default it would listen on every interface."""
-    return [str(BINARY), "--bind", LOOPBACK, "--port", port, *arguments]
+    """The viewer's command line: by default it would listen on every interface.
+
+    It is the viewer itself: `rerun` on the PATH is a wrapper that may leave it behind when interrupted.
+
+    Raises:
+        RuntimeError: there is no viewer.
+    """
+    folder = Path(rerun_cli.__file__).parent
+    for place in PLACES:
+        if (folder / place).is_file():
+            return [str(folder / place), "--bind", LOOPBACK, "--port", port, *arguments]
+    raise RuntimeError(f"no viewer in {folder}: pip install --force-reinstall rerun-sdk")
 
 
 def view(path: str | Path) -> None:
@@ -40,7 +50,7 @@ def view(path: str | Path) -> None:
 
     Raises:
         FileNotFoundError: there is no such file.
-        RuntimeError: there is no screen, or the viewer failed.
+        RuntimeError: there is no screen or no viewer, or it failed.
     """
     path = Path(path)
     if not has_display():
@@ -64,6 +74,9 @@ def start(headless: bool = False, size: str = "1280x720") -> tuple[subprocess.Po
 
     Returns:
         Its process, and where it listens.
+
+    Raises:
+        RuntimeError: there is no viewer.
     """
     with socket.socket() as free:
         free.bind((LOOPBACK, 0))
